@@ -14,7 +14,7 @@ LITERATURE := wave_love wave_fourier wave_punch two_codes area load closing stif
               mirco_sup2 mirco_supN6 mirco_sup5 mirco_sup7 challenge
 
 .DEFAULT_GOAL := setup
-.PHONY: help setup reproduce seal literature test bench bench-peers validation windows tradeoff extremes reference crossing docs coverage test-slow lint smoke clean
+.PHONY: help setup reproduce seal literature test bench bench-peers validation windows tradeoff intervals extremes reference crossing docs coverage test-slow lint smoke clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
@@ -75,6 +75,11 @@ windows: setup  ## leaks of windows of a known joint: free, interior, mirrored
 tradeoff: setup  ## measure speed against accuracy, to docs/explanation/notes/tradeoff.md
 	@$(BIN)/roughvol tradeoff configs/tradeoff.yaml
 	@$(BIN)/python -m tests.bench.asked
+
+# Minutes of one core each; solved numbers are kept in /tmp/roughvol_coverage.
+intervals: setup  ## measure how often the intervals of a leak card hold
+	@$(BIN)/python -m tests.bench.card_coverage
+	@$(BIN)/python -m tests.bench.window_coverage
 
 extremes: setup  ## press the extremes of every input, to docs/explanation/notes/extremes.md
 	@$(BIN)/python -m tests.extremes

@@ -1,11 +1,14 @@
-"""The leak at one load along x and y with its error, and where the last way closes, from the runs of a card.
+"""The leak at one load along x and y, and where the last way closes, each with its error, from the runs of a card.
 
 =========  ==================================================================================================
 solver     the flow falls where a gap falls, and every gap is right to η: certified, under fluid pressure estimated
-grid       change of the leak at 2 and 4 times the spacing, extrapolated
+grid       on a finer grid every load is larger by about the same factor: leak and closing load move along with it
 window     several surfaces: t interval of the logarithms; one map: that of its quadrants
-levelling  change of the leak with another levelling of a file
+levelling  change with another levelling of a file
 =========  ==================================================================================================
+
+A part of the closing load is a factor of loads. The leak at p of a joint that closes at f times the load is about the
+leak at p/f: so a part of the leak follows where the leak itself cannot be compared, as of a way that closes.
 """
 
 from __future__ import annotations
@@ -19,12 +22,13 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis import seal
-from roughvol.analysis.at import at
+from roughvol.analysis.at import at, legs_of, scales
 from roughvol.analysis.average import Average, average
 from roughvol.analysis.closing import load_of, spans
 from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.leak import STATE, is_lifted
-from roughvol.analysis.leak_card import Beside, Card, Closing, Part, SealLeak, SurfaceAtLoad, Way
+from roughvol.analysis.leak_card import Beside, Card, Closing, Part, SealLeak, SurfaceAtLoad, Way, together
+from roughvol.analysis.leak_curve import Curve
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import Patch
 from roughvol.analysis.stored_run import Run
@@ -33,19 +37,26 @@ from roughvol.ensemble.multilevel import COVERAGE, half_width
 from roughvol.errors import DatasetError
 from roughvol.gap.transport import conduction
 from roughvol.observables.coupling import ACCURACY, RTOL
+from roughvol.observables.levels import CLOSING
 from roughvol.observables.variables import AXES
+from roughvol.observables.void import quarters
 from roughvol.store.card_runs import CardRuns, Pressed
-from roughvol.study import HeightFile, Quantity
+from roughvol.study import HeightFile, Level, Quantity
 from roughvol.typing import Array
 
-SHRINKS = 0.9  # largest ratio of two steps of refinement that is extrapolated
-# standard error of the median of many normal numbers over that of their mean; of few numbers it is less
 EXACT = 1e-8  # accuracy of the flows whose ratios are the part of the solver
+# standard error of the median of many normal numbers over that of their mean; of few numbers it is less
 OF_MEDIAN = math.sqrt(0.5 * math.pi)
-FLOW, SWEEP = "leak_rate", "the sweep"
-EACH = "root mean square of the surfaces' own factors"
-# docs/how-to/leak-card.md
-MEASURED = "measured, it held in 92 % of 360 maps, in 86 % of 80 with a roll-off at light load"
+FLOW, ERROR, SWEEP = "leak_rate", "transmissivity_error", "the sweep"
+STEEPEST = 10.0  # largest power of the indentation with which p* rises
+# Loads of a surface 4 times finer over those of its scan, as logarithms: python -m tests.bench.card_coverage
+RISE, FALL = 1.0, 0.12
+ROUGH = (
+    0.2  # logarithm of the closing load over that at twice the spacing: from here on the map is rough at its spacing
+)
+FINER = "of surfaces 4 times finer, closing loads were × 0.89 to 2.7 in 95 %"
+QUADRANTS = 1.2  # quadrants of a map share its long waves: python -m tests.bench.window_coverage
+NO_COARSER = "no coarser grid has enough nodes for the surface"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +68,11 @@ class _Loaded:
 
     name: str
     run: Run
+    level: Level
     table: Dataset  # states along step, fields, of one surface along seed
     state: Dataset | None  # None if the sweep does not reach the load and is open at its end
     recorded: str
+    leads: bool = True  # the state lies on the first leg
     of_leak: float = 1.0
     of_load: float = 1.0
 
@@ -101,6 +114,65 @@ class _Loaded:
         )
         return Closing(tuple(scaled), "" if unit == "1" else unit)
 
+    def curve(self, axis: str) -> Curve | None:
+        """Return the leak over the load on the first leg, 0 from the closing load on; None without a step.
+
+        Under fluid pressure it is the leak of the dry gap.
+        """
+        table, closes = first_leg(self.table).isel(seed=0), self.closing(axis).value
+        dry = "_dry" if is_lifted(self.table) else ""
+        if f"transmissivity{dry}" not in table:
+            return None
+        starred = table[f"transmissivity{dry}"].sel(axis=axis).values * table["free_volume"].values ** 3
+        leaks = table[f"{FLOW}{dry}"].sel(axis=axis).values if f"{FLOW}{dry}" in table else starred
+        points = dict(zip(table[load_of(table)].values.tolist(), leaks.tolist(), strict=True))
+        if self.leads and not dry and self.state is not None and self.leak(axis) > 0.0:
+            points[self.number(load_of(table))] = self.leak(axis)
+        points = {p: leak for p, leak in points.items() if p > 0.0 and leak > 0.0 and not p >= closes}
+        points |= {closes: 0.0} if math.isfinite(closes) and points else {}
+        loads = np.array(sorted(points))
+        return Curve("", loads, np.array([points[load] for load in loads]), loads, 1.0) if points else None
+
+    def leak_at(self, axis: str, load: float) -> float:
+        """Return the leak at another load, before the first step on the power law of the first two; NaN if unknown."""
+        curve = self.curve(axis)
+        if curve is None or not load > 0.0:
+            return math.nan
+        x, y = np.log(curve.pressure[:2]), np.log(np.maximum(curve.leak[:2], 1e-300))
+        if load >= curve.begins:
+            return float(curve.at(np.array([load])).value[0])
+        if len(x) < 2 or not curve.leak[1] > 0.0:
+            return math.nan
+        return math.exp(y[0] + (y[1] - y[0]) / (x[1] - x[0]) * (math.log(load) - x[0]))
+
+    def load_at(self, axis: str, leak: float) -> float:
+        """Return the load with another leak, the closing load of none; NaN if unknown."""
+        curve = self.curve(axis)
+        if curve is None or not leak > 0.0:
+            return self.closing(axis).value
+        if leak <= curve.leak[0]:
+            found = curve.load_where(lambda loads: np.full(len(loads), math.log(leak))).value
+            return found if math.isfinite(found) else math.nan
+        x, y = np.log(curve.pressure[:2]), np.log(np.maximum(curve.leak[:2], 1e-300))
+        if len(x) < 2 or not 0.0 < curve.leak[1] < curve.leak[0]:
+            return math.nan
+        return math.exp(x[0] + (x[1] - x[0]) / (y[1] - y[0]) * (math.log(leak) - y[0]))
+
+    def leak_if(self, axis: str, log: float) -> float:
+        """Return the leak of a joint with all loads larger by a factor; NaN where it is not known."""
+        if not self.leads or is_lifted(self.table) or math.isnan(self.leak(axis)):
+            return math.nan
+        return self.leak_at(axis, self.load * math.exp(-log))
+
+    @property
+    def load(self) -> float:
+        """Load of the state, as those of the closings; of a surface that closed before the load if it is a pressure."""
+        name, level = load_of(self.table), self.level
+        if math.isnan(found := self.number(name)) and level.kind == "pressure" and level.value is not None:
+            _, starred = next(iter(scales(self.run, self.table))).starred(level.kind, level.value)
+            return starred * float((self.table[name] / self.table["mean_pressure"]).max())
+        return found
+
 
 def _loaded(pressed: Pressed) -> Iterator[_Loaded]:
     """Yield the surfaces of a run at the load of a card."""
@@ -112,11 +184,19 @@ def _loaded(pressed: Pressed) -> Iterator[_Loaded]:
             try:
                 state = at(run, one, pressed.level)
             except DatasetError:
-                yield _Loaded(name, run, one, None, pressed.level.label)
+                yield _Loaded(name, run, pressed.level, one, None, pressed.level.label)
                 continue
             study = run.study
             dry = study is not None and study.record.fluid_pressure is not None and not is_lifted(one)
-            yield _Loaded(name, run, one, None if dry else state.data, state.recorded)
+            leads = len(legs_of(one)) == 1 or _leg(one, pressed.level) == 1
+            yield _Loaded(name, run, pressed.level, one, None if dry else state.data, state.recorded, leads)
+
+
+def _leg(table: Dataset, level: Level) -> int:
+    """Return the leg of a level: the last one of ``last``, else the first one if none is named."""
+    if level.kind == "step":
+        return int(table["leg"].sel(step=int(level.value or 1)))
+    return level.leg or (legs_of(table)[-1] if level.kind == "last" else 1)
 
 
 def check_reached(fine: Pressed) -> None:
@@ -196,21 +276,29 @@ def _seal(fine: Sequence[_Loaded], ways: Sequence[Way]) -> SealLeak | None:
     isotropic = seal.is_isotropic([seal.ratios(one.table) for one in fine])
     maps = patch.conductances(np.array([[one.leak(axis) for axis in AXES] for one in reached]), in_units=units)
     quadrants = patch.conductances(_of_quadrants(fine[0]), in_units=units) if len(fine) == 1 else None
-    shared = [part for part in flow.parts if part.name != "window"]
+    shared = [part for part in flow.parts if part.name != "window"] if flow.leak.value > 0.0 else []
     heights = [surface for one in fine if (surface := seal.surface_of(one.fields)) is not None]
+    representative = bool(heights) and seal.is_representative(heights)
     closings = [[one.closing(axis).spans for axis in patch.axes] for one in fine]
     closing = seal.Estimate(math.nan, math.nan, math.nan)
     if not is_lifted(fine[0].table) and all(len(found) == 1 and found[0].closes for row in closings for found in row):
         loads = np.array([[[found[0].middle for found in row]] for row in closings])
         closing = seal.closing_of(loads, patch.patches, isotropic=isotropic and len(fine) > 1)
+        common = [part for part in flow.closing.parts if part.name != "window" or len(fine) == 1]
+        closing = seal.Estimate(*[closing.value] * 3) if len(fine) == 1 else closing
+        smaller, larger = together(common)
+        closing = closing.with_factor(larger, smaller)
     leak, parts, words = seal.leak_of(
         patch,
         maps,
         quadrants,
         isotropic=isotropic,
-        representative=bool(heights) and seal.is_representative(heights),
+        representative=representative,
         shared=shared,
     )
+    if leak.value == 0.0 and representative:  # at most the leak of patches that close later
+        most = patch.conductances(np.array([[way.at_most for way in ways]]), in_units=units)[0, 0] * patch.squares
+        leak, parts = seal.Estimate(0.0, 0.0 if math.isfinite(most) else math.nan, most), flow.parts
     return SealLeak(
         label=patch.seal.label,
         flow=patch.seal.flow,
@@ -231,7 +319,7 @@ def _of_quadrants(one: _Loaded) -> Array:
     leaks = []
     for axis in AXES:
         gap, _ = _gap(one, axis, lifted=is_lifted(one.table))
-        flows = [_flow(part, axis) for part in _quadrants(gap)] if gap.size else [0.0] * 4
+        flows = [_flow(part, axis) for part in quarters(gap)] if gap.size else [0.0] * 4
         leaks.append(np.array(flows) * _per_starred(one, axis) if any(flows) else np.zeros(4))
     return np.stack(leaks, axis=1)
 
@@ -298,13 +386,29 @@ def _way(
 ) -> Way:
     """Return the leak along one axis with its closing and its error."""
     leak = _number(fine, axis)
-    closing = _closing(fine, axis)
-    others = tuple((words, _closing(surfaces, axis)) for words, surfaces in coarser)
-    parts = [_solver(fine, axis), _grid(fine, coarser, axis), _window(fine, axis)]
+    finer = [_finer(one, others[0] if others else None) for one, *others in _rows(fine, coarser)]
+    window = _window_of_loads(fine, axis)
+    of_load = [_solved(fine, axis), _grid_of_loads(fine, coarser, finer, axis), window]
     if levelled is not None:
-        parts.append(_levelling(fine, *levelled, axis))
+        of_load.append(_levelling_of_loads(fine, *levelled, axis))
+    closing = replace(_closing(fine, axis), parts=tuple(of_load))
+    others = tuple((words, _closing(surfaces, axis)) for words, surfaces in coarser)
+    if leak.value > 0.0:
+        parts = [_solver(fine, axis), _grid(fine, coarser, finer, axis), _window(fine, window, axis)]
+        if levelled is not None:
+            parts.append(_levelling(fine, *levelled, axis))
+    else:
+        parts = of_load
     count = sum(one.leak(axis) > 0.0 for one in fine)
-    return Way(axis, leak, count, fine[0].unit(), closing, others, _last_open(fine, axis), tuple(parts))
+    most = _at_most(fine, closing, axis) if leak.value == 0.0 else math.nan
+    return Way(axis, leak, count, fine[0].unit(), closing, others, _last_open(fine, axis), tuple(parts), most)
+
+
+def _at_most(fine: Sequence[_Loaded], closing: Closing, axis: str) -> float:
+    """Return the leak of a closed way if it closes at the far end of the interval of its closing load."""
+    _, larger = together(closing.parts)
+    leaks = [one.leak_if(axis, math.log(larger)) for one in fine]
+    return average(FLOW, leaks).value if np.isfinite(leaks).all() else math.nan
 
 
 def _closing(surfaces: Sequence[_Loaded], axis: str) -> Closing:
@@ -344,13 +448,15 @@ def _solver(fine: Sequence[_Loaded], axis: str) -> Part:
         words = (
             f"estimated: contacts are solved to η/σ = {largest:.1e}, the fluid pressure to {ACCURACY:.0e} of the drop"
         )
+    flows = max((float(one.table[ERROR].max()) for one in fine if ERROR in one.table), default=0.0)
+    words += f"; flows to {flows:.0e}" if flows > 0.0 else ""
     below, here, above = (average(FLOW, leaks).value for leaks in (low, [one.leak(axis) for one in fine], high))
     if not here > 0.0:
         at_most = f"; closed ways leak at most {number(above)} {fine[0].unit()}" if math.isfinite(above) else ""
         return Part("solver", math.inf, f"{words}{at_most}".strip())
     if not below > 0.0:
         return Part("solver", math.inf, f"{words}; the way may be closed")
-    return Part("solver", max(above / here, here / below), words)
+    return Part("solver", (1.0 + flows) * max(above / here, here / below), words)
 
 
 def _flows(one: _Loaded, axis: str, *, lifted: bool) -> tuple[float, float, float]:
@@ -358,12 +464,16 @@ def _flows(one: _Loaded, axis: str, *, lifted: bool) -> tuple[float, float, floa
     gap, whole = _gap(one, axis, lifted=lifted)
     if gap.size == 0:  # closed before the load
         return 0.0, 0.0, math.nan
-    periodic, bound, flows = whole and "periodic" in one.run.dataset.attrs, _bound(one, axis), []
+    periodic, bound, flows = whole and _periodic(one), _bound(one, axis), []
     for shift in (-bound, 0.0, bound):
         shifted = np.where(gap > 0.0, np.maximum(gap + shift, 0.0), max(shift, 0.0))
         flows.append(_flow(shifted, axis, periodic=periodic))
     smaller, middle, larger = flows
     return smaller, middle, larger
+
+
+def _periodic(one: _Loaded) -> bool:
+    return "periodic" in one.run.dataset.attrs
 
 
 def _flow(gap: Array, axis: str, *, periodic: bool = False) -> float:
@@ -422,32 +532,70 @@ def _gap(one: _Loaded, axis: str, *, lifted: bool) -> tuple[Array, bool]:
     return np.asarray(gap[window]), bool(inside[solved].all())
 
 
-def _grid(fine: Sequence[_Loaded], coarser: Sequence[tuple[str, list[_Loaded]]], axis: str) -> Part:
-    """Return the part of the grid, from the leak at spacings in the ratio 1, 2, 4."""
-    leak = _number(fine, axis).value
+def _finer(one: _Loaded, other: _Loaded | None) -> tuple[float, float]:
+    """Return by how much loads may be smaller and larger on a finer grid, as logarithms; NaN without a coarser grid.
+
+    How much the loads of a surface change below the spacing of its map, the map does not show: its changes at 2 and 4
+    times the spacing and those at a quarter are uncorrelated, but for maps that are smooth at their spacing.
+    """
+    if other is None:
+        return math.nan, math.nan
+    closings = [(one.closing(axis).value, other.closing(axis).value) for axis in AXES]
+    changes = [math.log(here / there) for here, there in closings if math.isfinite(here) and there > 0.0]
+    rough = min(1.0, max(0.0, *changes) / ROUGH) if changes else 1.0
+    return FALL * rough, RISE * rough
+
+
+def _finer_words(finer: Sequence[tuple[float, float]]) -> str:
+    share = float(np.mean([rise for _, rise in finer])) / RISE
+    return FINER if share == 1.0 else f"{FINER}, taken to {100.0 * share:.0f} %: the map is smooth at its spacing"
+
+
+def _grid_of_loads(
+    fine: Sequence[_Loaded],
+    coarser: Sequence[tuple[str, list[_Loaded]]],
+    finer: Sequence[tuple[float, float]],
+    axis: str,
+) -> Part:
+    """Return the part of the grid of the closing load."""
     if not coarser:
-        return Part("grid", math.nan, "no coarser grid has enough nodes for the surface")
-    if not leak > 0.0:
-        return Part("grid", math.nan, _trend(fine, coarser, axis))
+        return Part("grid", math.nan, NO_COARSER)
+    fall, rise = (float(np.mean(logs)) for logs in zip(*finer, strict=True))
+    return Part(
+        "grid",
+        math.exp(rise),
+        "; ".join(filter(None, (_trend(fine, coarser, axis), _finer_words(finer)))),
+        math.exp(fall),
+    )
+
+
+def _grid(
+    fine: Sequence[_Loaded],
+    coarser: Sequence[tuple[str, list[_Loaded]]],
+    finer: Sequence[tuple[float, float]],
+    axis: str,
+) -> Part:
+    """Return the part of the grid of the leak: that of the loads, at most the change from twice the spacing."""
+    if not coarser:
+        return Part("grid", math.nan, NO_COARSER)
     words = ", ".join(f"{words}: {_change(fine, surfaces, axis)}" for words, surfaces in coarser)
-    each = [_extrapolated([_log_ratio(one, other, axis) for other in others]) for one, *others in _rows(fine, coarser)]
-    if len(fine) == 1:
-        return Part("grid", each[0][0], f"{words}; {each[0][1]}")
-    return Part("grid", _of_several(fine, [factor for factor, _ in each], axis), f"{words}; {EACH}")
+    low, high = list[float](), list[float]()
+    for (one, other, *_), (fall, rise) in zip(_rows(fine, coarser), finer, strict=True):
+        here, change = one.leak(axis), math.exp(abs(_log_ratio(one, other, axis)))
+        low.append(np.nanmax([here / change, one.leak_if(axis, -fall), 0.0]))
+        high.append(np.nanmin([here * change, one.leak_if(axis, rise), math.inf]))
+    return _of_several("grid", fine, low, high, axis, f"{words}; {_finer_words(finer)}")
 
 
-def _extrapolated(changes: Sequence[float]) -> tuple[float, str]:
-    """Return the factor of the grid of one surface, from the logarithms of its leak at 2 and 4 times the spacing."""
-    first = -changes[0]
-    if not math.isfinite(first):
-        return math.inf, "on a finer grid it may leak far more"
-    if len(changes) < 2 or not math.isfinite(changes[1]):
-        return math.exp(abs(first)), "change from twice the spacing"
-    second = -changes[1] - first
-    ratio = abs(first / second) if second else math.inf
-    if ratio < SHRINKS:  # the last change at least: two changes may cancel by chance
-        return math.exp(abs(first) * max(1.0, ratio / (1.0 - ratio))), "extrapolated"
-    return math.exp(abs(first)), "does not converge, last change taken"
+def _of_several(
+    name: str, fine: Sequence[_Loaded], low: Sequence[float], high: Sequence[float], axis: str, words: str
+) -> Part:
+    """Return a part of the median of several leaks, from the smallest and the largest leak of each; NaN if unknown."""
+    leaks = np.array([one.leak(axis) for one in fine])
+    reached = np.isfinite(leaks)
+    ends = np.where(np.isnan(low), 0.0, low), np.where(np.isnan(high), math.inf, high)
+    here, least, most = (float(np.median(values[reached])) for values in (leaks, *ends))
+    return Part(name, most / here, words, here / least if least > 0.0 else math.inf)
 
 
 def _rows(fine: Sequence[_Loaded], others: Sequence[tuple[str, list[_Loaded]]]) -> Iterator[tuple[_Loaded, ...]]:
@@ -459,23 +607,6 @@ def _log_ratio(one: _Loaded, other: _Loaded, axis: str) -> float:
     """Return the logarithm of the leak of another run over that on the finest grid; not finite without both."""
     here, there = one.leak(axis), other.leak(axis)
     return math.log(there / here) if here > 0.0 and there > 0.0 else math.nan
-
-
-def _of_several(fine: Sequence[_Loaded], factors: Sequence[float], axis: str) -> float:
-    """Return the factor of the median of several surfaces, each with a factor of its own; not finite if not known.
-
-    A change of the grid is about as random between surfaces as the leak: the root mean square of the logarithms is that
-    of each surface. A surface whose factor is not known may leak anything.
-    """
-    leaks, logs = np.array([one.leak(axis) for one in fine]), np.log(np.abs(factors))
-    known = np.isfinite(logs)
-    if not known.any():
-        return math.inf
-    here, reached = float(np.nanmedian(leaks)), np.isfinite(leaks)
-    factor = math.exp(math.sqrt(float(np.mean(logs[known] ** 2))))
-    low = np.median(np.where(known, leaks / factor, 0.0)[reached])
-    high = np.median(np.where(known, leaks * factor, np.inf)[reached])
-    return float(max(high / here, here / low)) if low > 0.0 else math.inf
 
 
 def _change(fine: Sequence[_Loaded], other: Sequence[_Loaded], axis: str) -> str:
@@ -506,50 +637,121 @@ def _trend(fine: Sequence[_Loaded], coarser: Sequence[tuple[str, list[_Loaded]]]
     return "; ".join(text) or "coarser grids do not show where a finer grid closes"
 
 
-def _window(fine: Sequence[_Loaded], axis: str) -> Part:
-    """Return the part of the window: surfaces among each other, or the quadrants of the only one."""
+def _window(fine: Sequence[_Loaded], of_loads: Part, axis: str) -> Part:
+    """Return the part of the window of the leak: surfaces among each other, or the quadrants of the only one.
+
+    Where surfaces or quadrants are closed, it is the part of the closing load.
+    """
     values = np.array([one.leak(axis) for one in fine])
     values = values[np.isfinite(values)]
-    open_ = np.log(values[values > 0.0])
-    closed = values.size - open_.size
     if len(fine) > 1:
-        if closed or open_.size < 2:
-            reason = (
-                f"{closed} of {values.size} surfaces are closed" if closed else f"{open_.size} surface at this load"
-            )
-            return Part("window", math.inf, f"{reason}: no interval of their median")
-        wider = OF_MEDIAN if open_.size > 2 else 1.0  # the median of two is their mean
-        words = f"{COVERAGE:.0%} interval of the median over {open_.size} surfaces, of logarithms by t".replace(
-            "%", " %"
-        )
-        return Part("window", math.exp(wider * half_width(float(open_.std(ddof=1)), open_.size)), words)
-    gap, _ = _gap(fine[0], axis, lifted=is_lifted(fine[0].table))
-    if gap.size == 0:
-        return Part("window", math.inf, "closed before this load: other windows of the joint may be open")
-    flows = np.array([_flow(part, axis) for part in _quadrants(gap)])
-    logs = np.log(flows[flows > 0.0])
-    if closed or logs.size < 2:
-        count = f"{4 - logs.size} of 4 quadrants are closed"
-        return Part("window", math.inf, f"{count}: the map is too small, other windows of the joint may be open")
-    left_out = f", {4 - logs.size} closed" if logs.size < 4 else ""
-    words = f"scatter of {logs.size} open quadrants of the map{left_out}, 95 % by t; {MEASURED}"
-    return Part("window", math.exp(half_width(float(logs.std(ddof=1)), logs.size)), words)
+        if values.size < 2:
+            return Part("window", math.inf, "one surface at this load: no interval of their median")
+        if (values > 0.0).all():
+            wider = OF_MEDIAN if values.size > 2 else 1.0  # the median of two is their mean
+            words = f"{_percent()} interval of the median over {values.size} surfaces, of logarithms by t"
+            return Part("window", math.exp(wider * _half(values)), words)
+        closed = f"{np.count_nonzero(values == 0.0)} of {values.size} surfaces are closed"
+    else:
+        return _window_of_quadrants(fine[0], axis)
+    if not of_loads.known:
+        return Part("window", math.inf, f"{closed}: other windows of the joint may be open")
+    log = math.log(of_loads.factor)
+    low, high = ([one.leak_if(axis, end) for one in fine] for end in (-log, log))
+    return _of_several("window", fine, low, high, axis, f"{closed}: from the closing load, {of_loads.words}")
 
 
-def _quadrants(gap: Array) -> list[Array]:
-    """Return the quadrants of a field."""
-    rows, columns = ((slice(None, n // 2), slice(n // 2, None)) for n in gap.shape)
-    return [gap[row, column] for row in rows for column in columns]
+def _window_of_quadrants(one: _Loaded, axis: str) -> Part:
+    """Return the part of the window of the leak of the only surface."""
+    lifted = is_lifted(one.table)
+    gap, whole = _gap(one, axis, lifted=lifted)
+    flows = np.array([_flow(part, axis) for part in quarters(gap)])
+    shut = f", {np.count_nonzero(flows == 0.0)} closed" if (flows == 0.0).any() else ""
+    words = f"scatter of the leaks of the quadrants of the map{shut}, {_percent()} by t, times {QUADRANTS}"
+    if one.leads and not lifted:
+        log = _scatter_of_loads(one, axis, flows / _flow(gap, axis, periodic=whole and _periodic(one)), one.load)
+        return _of_several("window", [one], [one.leak_if(axis, -log)], [one.leak_if(axis, log)], axis, words)
+    if shut:
+        return Part("window", math.inf, f"{words}: other windows of the joint may be open")
+    return Part("window", math.exp(QUADRANTS * _half(flows)), words)
+
+
+def _scatter_of_loads(one: _Loaded, axis: str, ratios: Array, load: float) -> float:
+    """Return the part of the window of loads, as a logarithm, from the leaks of quadrants over that of the map.
+
+    Each quadrant has the load at which the map leaks as much; a closed quadrant has the closing load.
+    """
+    here = one.leak_at(axis, load)
+    return QUADRANTS * _half(np.array([one.load_at(axis, here * ratio) for ratio in ratios]))
+
+
+def _window_of_loads(fine: Sequence[_Loaded], axis: str) -> Part:
+    """Return the part of the window of the closing load: surfaces among each other, or the quadrants of the only one.
+
+    The leaks of the quadrants are those at a light load, where most are open.
+    """
+    if len(fine) > 1:
+        loads = np.array([one.closing(axis).value for one in fine])
+        if not np.isfinite(loads).all():
+            return Part("window", math.inf, f"{np.count_nonzero(~np.isfinite(loads))} of {loads.size} do not close")
+        words = f"{_percent()} interval of the mean over {loads.size} surfaces, of logarithms by t"
+        return Part("window", math.exp(_half(loads)), words)
+    one = fine[0]
+    table = first_leg(one.table).isel(seed=0)
+    starred = f"transmissivity{'_dry' if is_lifted(one.table) else ''}"
+    if "quadrant_flow" not in table:
+        return Part("window", math.nan, "the flows of its quadrants are not stored")
+    along = table["quadrant_flow"].sel(axis=axis).dropna("step", how="all")
+    if not along.sizes["step"]:
+        return Part("window", math.nan, "the flows of its quadrants are not stored")
+    step = table.sel(step=int(along["step"][0]))
+    load, flow = float(step[load_of(table)]), float(step[starred].sel(axis=axis)) * float(step["free_volume"]) ** 3
+    if not flow > 0.0:
+        return Part("window", math.nan, f"the map is closed at {one.closing(axis).load(load)}")
+    log = _scatter_of_loads(one, axis, along.values[0] / flow, load)
+    at = f"the quadrants of the map at {one.closing(axis).load(load)}"
+    words = f"scatter of the leaks of {at}, {_percent()} by t, times {QUADRANTS}, as loads of equal leak"
+    return Part("window", math.exp(log), words)
+
+
+def _half(values: Array) -> float:
+    """Return the half-width of the interval of the mean logarithm."""
+    return float(half_width(float(np.log(values).std(ddof=1)), values.size))
+
+
+def _percent() -> str:
+    return f"{100.0 * COVERAGE:.0f} %"
+
+
+def _solved(fine: Sequence[_Loaded], axis: str) -> Part:
+    """Return the part of the solver of the closing load."""
+    found = [span for one in fine for span in one.closing(axis).spans]
+    if not found or not all(span.closes for span in found):
+        return Part("solver", math.nan, "the way does not close within the sweep" if found else "no way is followed")
+    if all(span.open_up_to == span.closed_from for span in found):
+        most = f"; {words}" if "leak at most" in (words := _solver(fine, axis).words) else ""
+        return Part("solver", 1.0 + STEEPEST * CLOSING, f"solved, the indentation to {CLOSING:.0e}{most}")
+    low, high = _closing(fine, axis).bracket
+    return Part("solver", math.sqrt(high / low) if low > 0.0 else math.inf, "between two steps of the sweep")
+
+
+def _levelling_of_loads(fine: Sequence[_Loaded], words: str, surfaces: Sequence[_Loaded], axis: str) -> Part:
+    """Return the part of the levelling of the closing load."""
+    here, there = (_closing(some, axis).value for some in (fine, surfaces))
+    if not (here > 0.0 and there > 0.0):
+        return Part("levelling", math.nan, f"with {words}: not closed within the sweep")
+    return Part("levelling", math.exp(abs(math.log(there / here))), f"with {words}: × {number(there / here)}")
 
 
 def _levelling(fine: Sequence[_Loaded], words: str, surfaces: Sequence[_Loaded], axis: str) -> Part:
-    """Return the part of the levelling, from another levelling of the file."""
-    if not _number(fine, axis).value > 0.0:
-        leak = _number(surfaces, axis).value
-        found = f"leaks {number(leak)} {surfaces[0].unit()}".strip() if leak > 0.0 else "closed"
-        return Part("levelling", math.inf, f"with {words}: {'not pressed to this load' if math.isnan(leak) else found}")
-    factors = [math.exp(abs(_log_ratio(one, other, axis))) for one, other in zip(fine, surfaces, strict=True)]
-    words = f"with {words}: {_change(fine, surfaces, axis)}"
-    if len(fine) == 1:
-        return Part("levelling", factors[0], words)
-    return Part("levelling", _of_several(fine, factors, axis), f"{words}; {EACH}")
+    """Return the part of the levelling of the leak, from another levelling of the file."""
+    low, high = list[float](), list[float]()
+    for one, other in zip(fine, surfaces, strict=True):
+        here, change = one.leak(axis), math.exp(abs(_log_ratio(one, other, axis)))
+        ends = here / change, here * change
+        if math.isnan(change) and math.isfinite(other.leak(axis)):  # closed with a levelling
+            log = abs(math.log(other.closing(axis).value / one.closing(axis).value))
+            ends = one.leak_if(axis, -log), one.leak_if(axis, log)
+        low.append(ends[0])
+        high.append(ends[1])
+    return _of_several("levelling", fine, low, high, axis, f"with {words}: {_change(fine, surfaces, axis)}")

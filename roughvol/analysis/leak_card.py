@@ -1,8 +1,8 @@
 """What a leak card holds: surfaces, loads, leaks along x and y with their errors, closing loads.
 
 The leak is the leak that counts (`leak`), of several surfaces the median with the 16 to 84 % range (`average`).
-Each part of the error is a factor: the leak may be as many times larger or smaller. Parts are independent, so their
-logarithms add in squares. If a part is not known, the whole error is not known.
+Each part of the error is a factor, of the leak or of the closing load, and may reach farther up than down. Parts are
+independent, so their logarithms add in squares. If a part is not known, the whole error is not known.
 """
 
 from __future__ import annotations
@@ -23,21 +23,28 @@ from roughvol.study import convert
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the error of a leak.
+    """A part of the error of a leak or of a closing load.
 
     Attributes
     ----------
     name : str
         Source of the error.
     factor : float
-        The leak may be as many times larger or smaller, ≥ 1; infinite or NaN where it is not known.
+        The number may be as many times larger, ≥ 1; infinite or NaN where it is not known.
     words : str
         How it was found.
+    smaller : float
+        The number may be as many times smaller; infinite where it may be 0. Default: as many times as larger.
     """
 
     name: str
     factor: float
     words: str
+    smaller: float = math.nan
+
+    def __post_init__(self) -> None:
+        if math.isnan(self.smaller):
+            object.__setattr__(self, "smaller", self.factor)
 
     @property
     def known(self) -> bool:
@@ -45,8 +52,8 @@ class Part:
         return math.isfinite(self.factor)
 
 
-def together(parts: Sequence[Part]) -> float:
-    """Return all parts as a factor: the leak may be as many times larger or smaller. NaN if a part is not known.
+def together(parts: Sequence[Part]) -> tuple[float, float]:
+    """Return how many times smaller and larger a number may be by all parts; NaN if a part is not known.
 
     Parameters
     ----------
@@ -55,17 +62,19 @@ def together(parts: Sequence[Part]) -> float:
 
     Returns
     -------
-    float
-        Their logarithms added in squares.
+    (float, float)
+        Their logarithms added in squares, downwards and upwards.
     """
     if not parts or not all(part.known for part in parts):
-        return math.nan
-    return math.exp(math.sqrt(sum(math.log(part.factor) ** 2 for part in parts)))
+        return math.nan, math.nan
+    sides = ([math.log(part.smaller) for part in parts], [math.log(part.factor) for part in parts])
+    smaller, larger = (math.exp(math.hypot(*logs)) for logs in sides)
+    return smaller, larger
 
 
 @dataclass(frozen=True)
 class Closing:
-    """The loads between which the last way of several surfaces closes, each between two steps of its sweep.
+    """The loads at which the last way of several surfaces closes.
 
     Attributes
     ----------
@@ -73,10 +82,24 @@ class Closing:
         Loads of the surfaces whose way is followed.
     unit : str
         Unit of the loads; empty for p*.
+    parts : tuple of Part
+        Error budget of the mean load; empty where none was made.
     """
 
     spans: tuple[Span, ...]
     unit: str
+    parts: tuple[Part, ...] = ()
+
+    @property
+    def value(self) -> float:
+        """Mean of the loads over the surfaces; NaN unless all surfaces close."""
+        return float(np.mean(self.bracket))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Smallest and largest closing load by the budget; NaN if a part is not known."""
+        smaller, larger = together(self.parts)
+        return self.value / smaller, self.value * larger
 
     @property
     def closed(self) -> tuple[Span, ...]:
@@ -96,15 +119,19 @@ class Closing:
             return "not followed"
         if not closed:
             return f"open up to {self.load(max(still))}, the end of the sweep"
-        low, high = (self.load(end) for end in _ends(closed))
-        between = f"between {low.removesuffix(f' {self.unit}')} and {high.removeprefix('p* = ')}"
+        low, high = _ends(closed)
+        at = f"at {self.load(low)}" if low == high else f"between {self._range(low, high)}"
+        ends = self.interval
+        error = f", between {self._range(*ends)}" if all(map(math.isfinite, ends)) else ""
+        if self.parts and not error:
+            error = f", its error is not known ({', '.join(part.name for part in self.parts if not part.known)})"
         if len(self.spans) == 1:
-            return between
+            return f"{at}{error}"
         if still:
             count = f"{len(closed)} of {len(self.spans)} surfaces"
-            return f"{count} {between}, the others open up to {self.load(max(still))}"
+            return f"{count} {at}, the others open up to {self.load(max(still))}"
         first, last = min(span.open_up_to for span in closed), max(span.closed_from for span in closed)
-        return f"{between} in the mean; the first surface above {self.load(first)}, the last below {self.load(last)}"
+        return f"{at} in the mean{error}; the first surface above {self.load(first)}, the last below {self.load(last)}"
 
     @property
     def short(self) -> str:
@@ -112,9 +139,12 @@ class Closing:
         if not self.closed:
             return self.words.removesuffix(", the end of the sweep")
         first, last = min(span.open_up_to for span in self.closed), max(span.closed_from for span in self.closed)
-        low, high = self.load(first).removesuffix(f" {self.unit}"), self.load(last).removeprefix("p* = ")
         count = f"{len(self.closed)} of {len(self.spans)}: " if len(self.spans) > 1 else ""
-        return f"{count}{low} to {high}"
+        return f"{count}{self.load(first) if first == last else self._range(first, last).replace(' and ', ' to ')}"
+
+    def _range(self, low: float, high: float) -> str:
+        """Return two loads in words, with one unit."""
+        return f"{self.load(low).removesuffix(f' {self.unit}')} and {self.load(high).removeprefix('p* = ')}"
 
     def load(self, value: float) -> str:
         """Return a load in words.
@@ -158,7 +188,9 @@ class Way:
     last_open : str
         Leak and load of the last open step of a surface that is closed at the load of the card, in words.
     parts : tuple of Part
-        Error budget.
+        Error budget of the leak; of a closed way that of its closing load.
+    at_most : float
+        Largest leak of a closed way: that at the far end of the interval of its closing load.
     """
 
     axis: str
@@ -169,16 +201,25 @@ class Way:
     coarser: tuple[tuple[str, Closing], ...]
     last_open: str
     parts: tuple[Part, ...]
+    at_most: float = math.nan
 
     @property
     def factor(self) -> float:
-        """All parts together, see `together`."""
-        return together(self.parts)
+        """All parts together: the number may be as many times larger. NaN if a part is not known."""
+        return together(self.parts)[1]
+
+    @property
+    def smaller(self) -> float:
+        """All parts together: the number may be as many times smaller; infinite where it may be 0."""
+        return together(self.parts)[0]
 
     @property
     def interval(self) -> tuple[float, float]:
         """Smallest and largest leak; NaN if a part of the error is not known."""
-        return self.leak.value / self.factor, self.leak.value * self.factor
+        if self.leak.value == 0.0:
+            return (0.0, self.at_most) if math.isfinite(self.at_most) else (math.nan, math.nan)
+        smaller, larger = together(self.parts)
+        return self.leak.value / smaller, self.leak.value * larger
 
 
 @dataclass(frozen=True)
@@ -281,8 +322,13 @@ class SealLeak:
 
     @property
     def factor(self) -> float:
-        """All parts together, see `together`."""
-        return together(self.parts)
+        """All parts together: the leak may be as many times larger. NaN if a part is not known."""
+        return together(self.parts)[1]
+
+    @property
+    def smaller(self) -> float:
+        """All parts together: the leak may be as many times smaller."""
+        return together(self.parts)[0]
 
     def plain(self) -> dict[str, Any]:
         """Return the seal as plain data; pressures in MPa, None where a number is not known.
@@ -371,8 +417,7 @@ class Card:
     def plain(self) -> dict[str, Any]:
         """Return the card as plain data for JSON; None where a number is not known.
 
-        Pressures are in MPa. The closing pressure is the middle of its interval, the bracket of two steps of the sweep:
-        errors of grid and window are not in it. Under fluid pressure the closing is not known.
+        Pressures are in MPa. Under fluid pressure the closing is not known.
 
         Returns
         -------
@@ -383,14 +428,14 @@ class Card:
         ways = []
         for way in self.ways:
             per_unit = math.nan if self.lifted or not way.closing.unit else convert(1.0, way.closing.unit, "MPa")
-            closing = tuple(per_unit * end for end in way.closing.bracket)
+            closing = tuple(per_unit * end for end in way.closing.interval)
             ways.append(
                 {
                     "axis": way.axis,
                     "leak": _known(way.leak.value),
                     "unit": way.unit or "1",
                     "leak_interval": _interval(way.interval),
-                    "closing_pressure": _known(sum(closing) / 2.0),
+                    "closing_pressure": _known(per_unit * way.closing.value),
                     "closing_pressure_interval": _interval(closing),
                     "parts": {part.name: _known(part.factor) for part in way.parts},
                 }

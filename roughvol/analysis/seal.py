@@ -74,15 +74,16 @@ class Estimate:
         """Return another unit of the number."""
         return Estimate(self.value * factor, self.low * factor, self.high * factor)
 
-    def with_factor(self, factor: float) -> Estimate:
-        """Return the number with another error: it may be as many times larger or smaller."""
-        if not math.isfinite(factor):
+    def with_factor(self, larger: float, smaller: float = math.nan) -> Estimate:
+        """Return the number with another error, up and down; the same factor down if none is given."""
+        if not math.isfinite(larger):
             return Estimate(self.value, math.nan, math.nan)
         if self.value == 0.0 or self.low == 0.0:
-            return replace(self, high=self.high * factor)
-        logs = (math.hypot(math.log(factor), math.log(end / self.value)) for end in (self.low, self.high))
+            return replace(self, high=self.high * larger)
+        sides = (larger if math.isnan(smaller) else smaller, self.low), (larger, self.high)
+        logs = (math.hypot(math.log(factor), math.log(end / self.value)) for factor, end in sides)
         low, high = (math.exp(min(log, MOST)) for log in logs)
-        return Estimate(self.value, self.value / low, self.value * high)
+        return Estimate(self.value, 0.0 if smaller == math.inf else self.value / low, self.value * high)
 
 
 def is_isotropic(scans: Sequence[Array]) -> bool:
@@ -322,11 +323,11 @@ def leak_of(
         found = Estimate(found.value, math.nan, math.nan)
     if closed := int((maps[:, :1] == 0.0).sum()):
         words.append(f"{closed} of {len(maps)} patches are closed along the flow")
-    factor = together(shared)
+    smaller, larger = together(shared)
     window = max(found.high / found.value, found.value / found.low) if found.low > 0.0 else math.nan
     samples = f"{len(maps)} surfaces" if quadrants is None else "4 quadrants"
     parts = (*shared, Part("window", window, f"95 % of the sheets, and of the mean of {samples}, of logarithms by t"))
-    found = found.with_factor(factor) if representative else found
+    found = found.with_factor(larger, smaller) if representative else found
     return found.times(patch.squares), parts, tuple(words)
 
 

@@ -23,6 +23,7 @@ FINE = "finest grid"
 COARSER = {2: "twice the spacing", 4: "four times the spacing"}
 OTHER_LEVEL = {"none": "tilt", "mean": "tilt", "tilt": "quadratic", "quadratic": "tilt"}
 RECORDED = ("record.transport.flux_at", "record.fields_at", "record.fluid_pressure.at")  # keys of the states of a card
+ACCURACY = 1e-3  # of the flows of a card: its grid and its window change a leak far more
 FEWEST_NODES = 30  # nodes of a side of the coarsest grid
 
 
@@ -216,7 +217,8 @@ def _changed(
     pressures : float
         Factor of the starred pressures of the sweep and of the fluid. Pressures with a unit are equal already.
     fine : bool
-        Whether the run is the finest: it has the flow at every step, the gas, and the lifted gap.
+        Whether the run is the finest: it has the flow at every step, that of the quadrants half way to the end of the
+        first leg, the gas, and the lifted gap.
     """
     data = {"fluid": None, **study.model_dump(mode="json")}
     value = str(level.value) if isinstance(level.value, Quantity) else level.value
@@ -225,8 +227,12 @@ def _changed(
     if len(study.sweep.legs) > 1:
         kept["all_legs"] = True
     kept.get("dimensional", {}).pop("critical_gap", None)
+    given = (data["record"].get("transport") or {}).get("accuracy")
     transport: dict[str, Any] = {"percolation": "every-step", "constriction": "every-step", "flux_at": wanted}
+    transport |= {"accuracy": given or ACCURACY, "closing": True}
     transport["transmissivity"] = "every-step" if fine else wanted
+    if fine and len(study.cases()) == 1:  # the quadrants of the only surface stand for other windows
+        transport["quadrants"] = {"step": [max(1, study.sweep.legs[0].steps // 2)]}
     if study.gas_flow and fine:
         transport["gas_flow"] = "every-step"
     else:  # the budget is that of the liquid

@@ -124,6 +124,26 @@ def diffusivity(view: View) -> Values:
     return _conduction("diffusivity", view)
 
 
+def quarters(gap: Array) -> list[Array]:
+    """Return the four quadrants of a field, row by row."""
+    rows, columns = (np.array_split(np.arange(nodes), [nodes // 2]) for nodes in gap.shape)
+    return [gap[np.ix_(row, column)] for row in rows for column in columns]
+
+
+def quadrants(view: View) -> Values:
+    """Return the flows with g³ through the quadrants over that of plates a distance σ apart."""
+    accuracy = flow_accuracy(view.case.record)
+    flows = [_along(transport.conduction, part, accuracy=accuracy) for part in quarters(view.gap)]
+    plates = [part.mean() ** 3 for part in quarters(view.gap)]
+    through = [[flow.coefficient * plate for flow in row] for row, plate in zip(flows, plates, strict=True)]
+    return {"quadrant_flow": np.transpose(through)}
+
+
+def of_quadrants(case: Case, surface: Surface) -> Values:
+    """Return the numbers of the quadrants."""
+    return {"quadrant": np.arange(4)}
+
+
 def _conduction(name: str, view: View) -> Values:
     flows = []
     for axis, place in enumerate(AXES):

@@ -117,7 +117,7 @@ def table_of(pages: Sequence[Page]) -> Table:
         card = page.card
         row = [card.title, str(len(card.surfaces)), card_text.load_of(card)]
         for way in card.ways:
-            row += [card_text.short(way.leak.value), card_text.factor(way.factor), way.closing.short]
+            row += [card_text.short(way.leak.value), card_text.factor(way.factor, way.smaller), way.closing.short]
         rows.append(tuple(row))
     heads = (head for way in ways for head in (f"leak {way.axis}{unit}", "error", f"{way.axis} closes"))
     note = "The leak of several surfaces is their median."

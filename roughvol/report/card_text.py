@@ -21,7 +21,6 @@ from roughvol.store.stamped_file import digest_of
 from roughvol.study import Study, convert
 
 HEAD = ("source of error", "factor", "how it was found")
-STEPS = "a bracket of two steps of the sweep, without the errors of grid and window"
 TIMES = ((1.0, ""), (1000.0, "1000 s"), (86400.0, "a day"), (31557600.0, "a year"))  # in which an amount is said
 VOLUMES = ("um^3", "mm^3", "ml", "l", "m^3")
 LEAST, MOST = 0.1, 1000.0  # amounts that a person reads
@@ -147,23 +146,27 @@ def closes(card: Card, way: Way) -> list[str]:
     """Return where a way closes in words, on each grid, and what these loads leave out."""
     dry = "without fluid pressure " if card.lifted else ""
     leg = "on leg 1 " if has_legs(card) else ""
-    bracket = f" ({STEPS})" if way.closing.closed else ""
-    lines = [f"closes: {leg}{dry}{way.closing.words}{bracket}"]
+    lines = [f"closes: {leg}{dry}{way.closing.words}"]
     if way.coarser:
         lines.append("; ".join(f"at {words}: {closing.words}" for words, closing in way.coarser))
     return lines
 
 
-def factor(value: float) -> str:
-    """Return a factor of the error in words."""
-    return f"×÷ {number(value)}" if math.isfinite(value) else "unknown"
+def factor(larger: float, smaller: float) -> str:
+    """Return a factor of the error in words: up and down where they differ."""
+    if not math.isfinite(larger):
+        return "unknown"
+    if math.isclose(larger, smaller, rel_tol=SAME):
+        return f"×÷ {number(larger)}"
+    return f"× {number(larger)}, {f'÷ {number(smaller)}' if math.isfinite(smaller) else 'down to 0'}"
 
 
 def budget(way: Way | SealLeak) -> list[tuple[str, str, str]]:
-    """Return the error budget of a way or a seal."""
-    rows = [(part.name, factor(part.factor), _printed(part.words, way.unit)) for part in way.parts]
+    """Return the error budget of a way or a seal; of a closed way that of its closing load."""
+    rows = [(part.name, factor(part.factor, part.smaller), _printed(part.words, way.unit)) for part in way.parts]
     together = "logarithms added in squares" if math.isfinite(way.factor) else "a part of it is not known"
-    return [*rows, ("together", factor(way.factor), together)]
+    together += "; factors of the closing load" if isinstance(way, Way) and way.leak.value == 0.0 else ""
+    return [*rows, ("together", factor(way.factor, way.smaller), together)]
 
 
 def _printed(words: str, unit: str) -> str:

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from xarray import Dataset, concat
 
 from roughvol.analysis.leak import STATE
-from roughvol.analysis.leak_card import Card, SurfaceAtLoad, Way
+from roughvol.analysis.leak_card import Card, SurfaceAtLoad, Way, together
 from roughvol.analysis.legs import first_leg
 from roughvol.gap.transport import conduction
 from roughvol.observables.variables import AXES
@@ -24,7 +24,8 @@ from roughvol.report.figures.ways import CLOSED, FAINT, draw_flow, draw_flux, fl
 
 SANS = read_style("card")
 PANEL = (3.3, 3.1)  # inches, at the width of a figure on the page: its type has the size of the page's
-CROWDED = 50.0  # factor from which on only its powers of ten are labelled, and no band is drawn
+CROWDED = 50.0  # factor from which on only its powers of ten are labelled
+LEAST = 1e-3  # factor at which a bar down to 0 ends
 LEGEND: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 2, "borderaxespad": 0.1}
 LEGEND |= {"handlelength": 1.4, "columnspacing": 0.9, "handletextpad": 0.5}
 GRIDS = {"": "1", "twice the spacing": "2", "four times the spacing": "4"}
@@ -44,8 +45,10 @@ def panels(card: Card) -> list[Panel]:
     kind = "Median leak over surfaces" if several else "Leak"
     dry = " of the gap without fluid pressure, and the leak under it" if card.lifted else ""
     leg = " on leg 1" if has_legs(card) else ""
-    bars = ", horizontal bars where the ways close" if any(way.closing.closed for way in card.ways) else ""
-    band = "; the band has the same factor at every load" if any(map(_has_band, card.ways)) and not several else ""
+    bars = (
+        ", horizontal bars the intervals of the closing loads" if any(way.closing.closed for way in card.ways) else ""
+    )
+    band = "; the band is the interval of the loads" if any(map(_has_band, card.ways)) and not several else ""
     words = f"{kind}{dry} against load{leg}; upright bars are the error at the load of the card{bars}{band}."
     found = [Panel("leak", words, _against_load)]
     if (shown := _shown(card)) is not None:
@@ -88,9 +91,10 @@ def _against_load(ax: Axes, card: Card) -> None:
             draw_flow(ax, family, members, axis, alone=True)
         look = look_of(family, axis, alone=True)
         if len(members) == 1 and _has_band(way):
-            ends = (members[0].value / way.factor, members[0].value * way.factor)
-            ax.fill_between(members[0].load, *ends, color=look["color"], alpha=FAINT, lw=0, zorder=2)
-        low, high = way.closing.bracket
+            smaller, larger = together(way.closing.parts)
+            ends = members[0].load / smaller, members[0].load * larger
+            ax.fill_betweenx(members[0].value, *ends, color=look["color"], alpha=FAINT, lw=0, zorder=2)
+        low, high = way.closing.interval
         if math.isfinite(high):
             height = ax.get_ylim()[0] * (1.3 + 0.4 * order)
             ax.plot([low, high], [height, height], color=look["color"], lw=2.5, solid_capstyle="butt", zorder=6)
@@ -115,8 +119,8 @@ def _against_load(ax: Axes, card: Card) -> None:
 
 
 def _has_band(way: Way) -> bool:
-    """Return whether the error of a leak is known and small enough to be seen as a band around the curve."""
-    return way.leak.value > 0.0 and way.factor < CROWDED
+    """Return whether the interval of the loads is known."""
+    return math.isfinite(together(way.closing.parts)[1])
 
 
 def _family(card: Card) -> Family:
@@ -189,17 +193,20 @@ def _budget(ax: Axes, card: Card) -> None:
     """Draw the parts of the error as factors."""
     names = [*dict.fromkeys(part.name for way in card.ways for part in way.parts), "together"]
     for order, (way, look) in enumerate(zip(card.ways, looks(2), strict=True)):
-        factors = {part.name: part.factor for part in way.parts} | {"together": way.factor}
+        factors = {part.name: (part.smaller, part.factor) for part in way.parts if way.leak.value > 0.0}
+        factors |= {"together": (way.smaller, way.factor)} if factors else {}
         for row, name in enumerate(names):
-            place, factor = row + 0.2 - 0.4 * order, factors.get(name, math.nan)
-            if math.isfinite(factor):
-                width = max(factor, 1.0 + 1e-9) - 1.0
-                ax.barh(place, width, left=1.0, height=0.35, color=look["color"], label=f"along {way.axis}")
+            place, (smaller, larger) = row + 0.2 - 0.4 * order, factors.get(name, (math.nan, math.nan))
+            if math.isfinite(larger):
+                low = max(1.0 / smaller, LEAST)
+                width = max(larger, 1.0 + 1e-9) - low
+                ax.barh(place, width, left=low, height=0.35, color=look["color"], label=f"along {way.axis}")
             elif name in factors:
                 ax.text(1.02, place, "unknown", va="center", color=GREY, fontsize="small")
     ax.set(xscale="log", xlabel="factor of the leak")
+    ax.axvline(1.0, color=GREY, lw=0.8)
     ax.set_yticks(range(len(names)), names)
-    ax.set_xlim(1.0, max(2.0, ax.get_xlim()[1]))
+    ax.set_xlim(min(0.5, ax.get_xlim()[0]), max(2.0, ax.get_xlim()[1]))
     plain_ticks(ax.xaxis, (1.0, 2.0, 5.0) if ax.get_xlim()[1] < CROWDED else (1.0,))
     ax.invert_yaxis()
     _legend(ax)
@@ -210,10 +217,14 @@ def _closings(ax: Axes, card: Card) -> None:
     rows = ["", *(words for words, _ in card.ways[0].coarser)]
     for order, (way, look) in enumerate(zip(card.ways, looks(2), strict=True)):
         for row, closing in enumerate([way.closing, *(closing for _, closing in way.coarser)]):
-            for span in closing.closed:
-                width = span.closed_from - span.open_up_to
-                bar = {"height": 0.3, "color": look["color"], "alpha": 1.0 / len(closing.closed) ** 0.5}
-                ax.barh(row + 0.2 - 0.4 * order, width, left=span.open_up_to, label=f"along {way.axis}", **bar)
+            place, known = row + 0.2 - 0.4 * order, math.isfinite(closing.interval[1])
+            bars = [closing.interval] if known else [(one.open_up_to, one.closed_from) for one in closing.closed]
+            for low, high in bars:
+                ax.barh(place, high - low, left=low, height=0.3, color=look["color"], alpha=1.0 / len(bars) ** 0.5)
+            if closing.closed:
+                middle = float(np.mean([(one.open_up_to + one.closed_from) / 2.0 for one in closing.closed]))
+                mark = {"marker": "|", "ms": 12.0, "mew": 2.0, "color": look["color"], "ls": ""}
+                ax.plot([middle], [place], label=f"along {way.axis}", **mark)
     if math.isfinite(at := _load(card)):
         ax.axvline(at, color=GREY, lw=0.8, ls=":", label="load of the card")
     ax.set_yticks(range(len(rows)), [GRIDS[row] for row in rows])

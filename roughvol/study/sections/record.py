@@ -113,6 +113,9 @@ class Transport(Choice):
     )
     constriction: States | None = Field(default=None, description=f"critical gap and its position, x and y: {_WHEN}")
     transmissivity: States | None = Field(default=None, description=f"flow of div(g^3 grad P) = 0, x and y: {_WHEN}")
+    quadrants: States | None = Field(
+        default=None, description=f"flow of div(g^3 grad P) = 0 through the four quadrants, x and y: {_WHEN}"
+    )
     diffusivity: States | None = Field(default=None, description=f"flow of div(g grad P) = 0, x and y: {_WHEN}")
     cell_transmissivity: States | None = Field(
         default=None,
