@@ -1,6 +1,6 @@
 """How often the window part of a leak card holds a joint of which the map is a window: leak, and closing load.
 
-    python -m tests.bench.window_coverage --first 1000 --joints 17
+    python -m tests.bench.window_coverage --first 1000 --joints 10
 
 A periodic joint of 256 × 256 elements is the truth, four windows of 64 × 64 of it, levelled and mirrored at their
 sides, are the maps. Seeds below `FRESH` were used to set `QUADRANTS` of `roughvol.analysis.leak_budget`, those from
@@ -96,7 +96,7 @@ def solved(seed: int, kept: Path) -> dict[str, Any]:
 
 def _scatter(own: Solved, axis: str, state: dict[str, Any]) -> float:
     k = "xy".index(axis)
-    ratios = np.array(state["quadrants"][k]) / state["leak"][k]
+    ratios = np.array(state["quadrants"][k]) / (state["leak"][k] or math.inf)
     return leak_budget._scatter_of_loads(own, axis, ratios, state["load"])
 
 
@@ -104,7 +104,7 @@ def main() -> None:
     """Print the coverage."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--first", type=int, default=FRESH)
-    parser.add_argument("--joints", type=int, default=17)
+    parser.add_argument("--joints", type=int, default=10)
     parser.add_argument("--kept", type=Path, default=Path("/tmp/roughvol_coverage"))
     given = parser.parse_args()
     rows: dict[str, list[tuple[bool, float]]] = {}
