@@ -60,7 +60,6 @@ def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], fig
     """
     from roughvol.report.figures import content
 
-    check_known([figure])
     several = isinstance(results, Mapping) and not hasattr(results, "attrs")  # a dataset is a mapping with attributes
     each: Mapping[str, Any] = results if several else {"": results}  # type: ignore[assignment]
     stored = {str(name): opened(one) for name, one in each.items()}
@@ -69,6 +68,7 @@ def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], fig
         for name, run in stored.items()
         for part in content.parts(name or run.name, run.dataset, alone=len(stored) == 1)
     ]
+    check_known([figure], runs)
     found, refused = drawings(runs, [figure], alone=len(stored) == 1)
     if len(found) == 1 and not refused:
         return next(iter(found.values()))()
@@ -88,7 +88,7 @@ def drawings(runs: Sequence[Named], wanted: Sequence[str], *, alone: bool) -> tu
     table, found, refused = figures(), Draws(), list[str]()
     every = content.DRAWN if len(runs) > 1 else ()
     for name in wanted or [name for name in every if content.missing(name, runs) is None]:
-        if name in content.NAMES:
+        if name in content.NAMES or name not in table:
             reason = content.missing(name, runs)
             if reason is None:
                 found[name] = partial(content.draw, name, runs)
@@ -142,12 +142,13 @@ def needed(wanted: Sequence[str], cases: Sequence[Case]) -> tuple[str, ...]:
     return tuple(case.id for case in cases if case.id in ids)
 
 
-def check_known(wanted: Sequence[str]) -> None:
-    """Raise `DatasetError` for names of no figure, with the nearest name and all names."""
+def check_known(wanted: Sequence[str], runs: Sequence[Named] = ()) -> None:
+    """Raise `DatasetError` for names of no figure of the runs, with the nearest name and all names."""
     from roughvol.report.figures import content
 
+    known = [*names(), *content.own_names(runs)]
     for name in wanted:
-        if name not in names():
-            near = difflib.get_close_matches(name, names(), n=1)
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
             hint = f"; did you mean {near[0]}?" if near else ""
             raise DatasetError(f"no figure {name!r}{hint} (known: {', '.join(figures())}; {content.IN_WORDS})")

@@ -11,6 +11,7 @@ from roughvol.campaign.one_case import kernel_on, surface_of
 from roughvol.contact.halfspace import LEAST_PERIOD
 from roughvol.errors import ContactError, DatasetError, Problem, StudyError
 from roughvol.observables import regions
+from roughvol.observables.own import register
 from roughvol.store import dimensional
 from roughvol.study import Case, MadeSurface, Study
 from roughvol.surfaces.surface import Surface, intervals
@@ -42,9 +43,12 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
     SurfaceError, DatasetError
         If the heights cannot be read, or are not a surface.
     StudyError
-        If the study asks for units it does not define, or for regions of too few elements.
+        If the study asks for units it does not define, for regions of too few elements, or for functions that cannot be
+        imported.
     """
     given = study.surface
+    with study.placing():
+        register(study.record)
     if isinstance(given, MadeSurface):
         cases = study.cases()
         with study.placing():

@@ -15,6 +15,7 @@ from roughvol.campaign import cluster, collection, cost, interpretation, invento
 from roughvol.campaign.batch import Batch, Control, OnEvent, Progress
 from roughvol.campaign.checks import check_surfaces
 from roughvol.errors import CampaignError, DatasetError, FolderError
+from roughvol.observables.own import register
 from roughvol.store import lock, run_folder, same_study, sample_plan, stamped_file
 from roughvol.store.dataset import Dataset
 from roughvol.store.run_folder import folder_of
@@ -139,6 +140,7 @@ def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset
     True
     """
     study = study if isinstance(study, Study) else load(study)
+    register(study.record)
     folder = folder_of(study, out)
     cases = sample_plan.cases_of(study, folder)
     found = collection.finished(folder, cases)

@@ -66,13 +66,14 @@ def plot(
     inches = _inches(size)
     wanted = [name for name in names if name in plotting.names() and not Path(name).exists()]
     others = [name for name in names if name not in wanted]
-    misspelt = [name for name in others if not is_run(name)]
-    if len(misspelt) < len(others):
-        plotting.check_known(misspelt)
+    if any(map(is_run, others)):  # the other names may be those of figures of a user's quantities
+        wanted = [name for name in names if name in wanted or not is_run(name)]
+        others = [name for name in names if name not in wanted]
     opened = [StoredRun.open(name, changes) for name in others] or [StoredRun.open()]
     alone = len(opened) == 1
     stored = zip(names_of([run.file for run in opened]), opened, strict=True)
     runs = [part for name, run in stored for part in content.parts(name, run.dataset, alone=alone)]
+    plotting.check_known(wanted, runs)
     drawings, refused = plotting.drawings(runs, wanted, alone=alone)
     folder = out or (opened[0].folder / "figures" if alone else Path("runs/compared"))
     drawn = 0

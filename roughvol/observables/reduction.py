@@ -15,6 +15,7 @@ import numpy as np
 
 from roughvol.contact.loading import Compliance, Contact
 from roughvol.observables.levels import at_level, closing, is_end, on_legs, reached
+from roughvol.observables.own import register
 from roughvol.observables.regions import Values, View, within
 from roughvol.observables.requests import asked, fields_of, value_of
 from roughvol.observables.variables import AXES, OBSERVABLES, OF_STATE, VARIABLES, function
@@ -61,6 +62,7 @@ class Reduction:
     """The values recorded of a sweep so far; it takes in the states one by one."""
 
     def __init__(self, case: Case, surface: Surface, half_space: Compliance) -> None:
+        register(case.record)
         self._case, self._surface, self._half_space = case, surface, half_space
         self.steps = 0  # states taken in
         self.states: list[Mapping[str, Any]] = []  # the last two, as `Contact.state` returns them

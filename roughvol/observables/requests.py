@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from roughvol.contact.search import TARGETS
@@ -30,7 +31,7 @@ def asked(record: Record) -> dict[str, dict[str, Level] | None]:
 
 
 def _by_label(states: Any) -> dict[str, Level] | None:
-    if states is True or states == EVERY_STEP:
+    if states is True or states == EVERY_STEP or isinstance(states, Mapping):
         return None
     levels = states.levels if isinstance(states, Select) else (Level(states),)
     return {level.label: level for level in levels}

@@ -75,6 +75,10 @@ class Case:
         # Heights with a unit of their own are converted to that of the study.
         surface["unit"] = self.length_unit if any(body.numbers_in for body in self.bodies) else None
         record = self.record.model_dump(mode="json", exclude={"dimensional"})
+        if self.record.own:
+            record["own"] = {name: [own.target, own.version] for name, own in self.record.own.items()}
+        else:  # absent, so that cases without such quantities keep their ids
+            record.pop("own")
         record["all_legs"] = self.record.all_legs and len(self.sweep.legs) > 1
         pressed = self._pressed if self.sweep.steps > 0 else None
         return {"format": ANSWER_FORMAT, "surface": surface, "record": record, "pressed": pressed}

@@ -12,7 +12,7 @@ import itertools
 import re
 import textwrap
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -29,7 +29,7 @@ from roughvol.analysis.leak import fluid_of
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
-from roughvol.observables.variables import AXES
+from roughvol.observables.variables import AXES, QUANTITIES
 from roughvol.report.figures.curves import plot, shown
 from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held, named, several
 from roughvol.report.figures.origin import dry_note, fluid_note, lacking, study_of, surfaces, written
@@ -101,18 +101,25 @@ def parts(name: str, ds: Dataset, *, alone: bool) -> list[Named]:
 def missing(name: str, runs: Sequence[Named]) -> str | None:
     """Return why a figure cannot be drawn from runs, None if it can."""
     for run in runs:
-        for key in name.split("_of_"):
-            reasons = [lacking(name, run.ready, (variable,)) for variable in VARIABLES_OF[key]]
+        for key in name.rsplit("_of_", 1):
+            reasons = [lacking(name, run.ready, (variable,)) for variable in VARIABLES_OF.get(key, [key])]
             if all(reasons):
                 return f"{run.name}: {reasons[-1]}"
     return None
+
+
+def own_names(runs: Iterable[Named]) -> list[str]:
+    """Return the names of the figures of quantities of a user, numbers along the steps that are in no table."""
+    made = [name for run in runs for name, held in run.dataset.data_vars.items() if held.dims[-1:] == ("step",)]
+    own = [name for name in map(str, made) if name not in QUANTITIES or QUANTITIES[name].observable == "own"]
+    return [f"{y}_of_{x}" for y, x in itertools.product(dict.fromkeys(own), BELOW)]
 
 
 def draw(name: str, runs: Sequence[Named]) -> Drawing:
     """Return a figure by content, its curves named by run where there are several."""
     if reason := missing(name, runs):
         raise DatasetError(reason)
-    y_key, x_key = name.split("_of_")
+    y_key, x_key = name.rsplit("_of_", 1)
     common: dict[str, str] = {}
     ready = [Named(run.name, in_units(first_leg(run.ready), common)) for run in runs]
     x, y = _variable(x_key, ready), _variable(y_key, ready)
@@ -225,12 +232,13 @@ def _positive(curve: Curve) -> Curve:
 
 def _variable(key: str, runs: Sequence[Named]) -> str:
     """Return the variable to draw: the first that all runs have, with one unit."""
-    units = {name: {_unit(name, run.dataset) for run in runs if name in run.dataset} for name in VARIABLES_OF[key]}
+    known = VARIABLES_OF.get(key, [key])
+    units = {name: {_unit(name, run.dataset) for run in runs if name in run.dataset} for name in known}
     for name, found in units.items():
         if all(name in run.dataset for run in runs) and len(found) == 1:
             return name
     differing = ", ".join(sorted(set().union(*units.values())))
-    raise DatasetError(f"the runs have {VARIABLES_OF[key][-1]} in different units: {differing}")
+    raise DatasetError(f"the runs have {known[-1]} in different units: {differing}")
 
 
 def _unit(name: str, ds: Dataset) -> str:
@@ -239,7 +247,8 @@ def _unit(name: str, ds: Dataset) -> str:
 
 def _label(name: str, runs: Sequence[Named]) -> str:
     unit = _unit(name, runs[0].dataset)
-    return LABELS[name] if unit == "1" else f"{LABELS[name]} [{unit_text(unit)}]"
+    label = LABELS.get(name) or file_text(str(runs[0].dataset[name].attrs["long_name"]))
+    return label if unit == "1" else f"{label} [{unit_text(unit)}]"
 
 
 def _families(runs: Sequence[Named], x: str, y: str) -> tuple[list[Family], str]:

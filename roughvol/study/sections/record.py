@@ -12,6 +12,8 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    PlainSerializer,
+    PlainValidator,
     Tag,
     WithJsonSchema,
     model_serializer,
@@ -22,6 +24,7 @@ from roughvol.study.plain_data import KeyPath, number_text
 from roughvol.study.sections.dimensional import Dimensional, FluidPressure, LeakRate
 from roughvol.study.sections.strict import Choice, Strict, models_in
 from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
+from roughvol.study.values.own import OwnQuantity, own
 from roughvol.study.values.state_kinds import STATE_KINDS, Level
 from roughvol.study.values.types import AreaFraction, Fraction, Many, Switch, Whole, Word, refuse, two
 from roughvol.study.values.units import in_unit, unit_of
@@ -185,6 +188,12 @@ class RegionWidths(Strict):
     transmissivity: States | None = Field(default=None, description=f"states of the transmissivity, x and y: {_WHEN}")
 
 
+Own = Annotated[
+    dict[str, OwnQuantity],
+    PlainValidator(own),
+    PlainSerializer(lambda given: {name: quantity.target for name, quantity in given.items()}),
+    WithJsonSchema({"type": "object", "minProperties": 1, "additionalProperties": {"type": "string"}}),
+]
 INTERIOR = (("x", (0.25, 0.75)), ("y", (0.25, 0.75)))  # the central half of each side
 
 
@@ -235,6 +244,11 @@ class Record(Strict):
         default=None, description="quantities stored with units too: pressure, free_volume, mean_gap, leak_rate …"
     )
 
+    own: Own | None = Field(
+        default=None,
+        description="{name: module:function}: functions of a solved state, stored by name at every step, or names of "
+        "entry points of the group roughvol.observables",
+    )
     all_legs: bool = Field(
         default=False,
         description="true: levels are taken on every leg of a path, that of a further leg as 'pressure=0.5, leg 2'; "

@@ -1,0 +1,140 @@
+"""Quantities of a user, as observables: what their functions get, and the rows of what they return."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from roughvol.errors import ContactError, Problem, StudyError
+from roughvol.observables.regions import Values, View
+from roughvol.observables.variables import AXES, QUANTITIES, VARIABLES, Variable
+from roughvol.study import Case, Record
+from roughvol.study.values.own import OwnQuantity
+from roughvol.surfaces.surface import Surface
+from roughvol.typing import Array, Mask
+
+OBSERVABLE = "own"
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedState:
+    """A solved state, as a function of a user gets it. Numbers have the units of the stored variables of their names.
+
+    Attributes
+    ----------
+    gap : array (rows, columns)
+        g/Sq in the region of the study, exactly 0 in contact. Axis 0 is x, axis 1 is y.
+    pressure : array (rows, columns)
+        p L/(E* Sq).
+    contact : array (rows, columns) of bool
+        Where p > 0.
+    spacing : float
+        Side of an element, in the unit of length of the study.
+    Sq : float
+        Root mean square height of the surface, in the unit of length of the study.
+    E_star : float
+        Contact modulus, in the unit of the study.
+    mean_pressure : float
+        p*.
+    separation : float
+        d/Sq.
+    axis_names : tuple of str
+        Names of the axes of the arrays.
+    """
+
+    gap: Array
+    pressure: Array
+    contact: Mask
+    spacing: float
+    Sq: float
+    E_star: float
+    mean_pressure: float
+    separation: float
+    axis_names: tuple[str, ...] = AXES
+
+
+def values(view: View) -> Values:
+    """Return what the functions of a study give at a state."""
+    state, found = _state(view), Values()
+    for name, quantity in _of(view.case.record).items():
+        try:
+            value = np.asarray(quantity.function(state), dtype=np.float64)
+        except Exception as error:
+            where = f"at p* = {state.mean_pressure:.6g}"
+            message = f"record.own.{name}: {quantity.target} fails {where} ({type(error).__name__}: {error})"
+            raise ContactError(message) from error
+        shape = tuple(len(along) for along in _coordinates(quantity).values())
+        if value.shape != shape:
+            allowed = (
+                f"{shape}, that of its coordinates" if shape else "a number, or an array with the attribute coordinates"
+            )
+            message = f"record.own.{name}: {quantity.target} returns shape {value.shape}; allowed: {allowed}"
+            raise ContactError(message)
+        found[name] = value
+    return found
+
+
+def labels(case: Case, surface: Surface) -> Values:
+    """Return the coordinates of arrays."""
+    found = [_coordinates(quantity) for quantity in _of(case.record).values()]
+    return {dim: along for each in found for dim, along in each.items() if dim != "axis"}
+
+
+def register(record: Record) -> None:
+    """Put the rows of the quantities of a study into the table of variables.
+
+    Raises
+    ------
+    StudyError
+        If a function cannot be imported, or a name is one of a stored variable.
+    """
+    for name, quantity in _of(record).items():
+        try:
+            row, coordinates = _row(name, quantity), _coordinates(quantity)
+        except Exception as error:  # whatever the module of a user raises
+            message = f"cannot import {quantity.target!r} ({type(error).__name__}: {error})"
+            raise StudyError([Problem(message, f"record.own.{name}")]) from error
+        rows = {name: row}
+        rows |= {dim: Variable(dim, "1", dim.replace("_", " "), dim, observable=OBSERVABLE) for dim in coordinates}
+        rows.pop("axis", None)
+        for variable, made in rows.items():
+            present = QUANTITIES.get(variable)
+            if present is not None and present.observable != OBSERVABLE:
+                key, message = f"record.own.{name}", f"{variable} is a stored variable already: choose another name"
+                raise StudyError([Problem(message, key)])
+            QUANTITIES[variable] = VARIABLES[variable] = made
+
+
+def _row(name: str, quantity: OwnQuantity) -> Variable:
+    """Return the row of a quantity, from the attributes of its function."""
+    function = quantity.function
+    first = (function.__doc__ or "").strip().partition("\n")[0].rstrip(".")
+    return Variable(
+        dims=" ".join(["... step", *_coordinates(quantity)]),
+        units=str(getattr(function, "units", "1")),
+        long_name=str(getattr(function, "label", "") or first or name.replace("_", " ")),
+        symbol=str(getattr(function, "symbol", name)),
+        source=quantity.target,
+        observable=OBSERVABLE,
+        key=OBSERVABLE,
+    )
+
+
+def _coordinates(quantity: OwnQuantity) -> Mapping[str, Any]:
+    return dict(getattr(quantity.function, "coordinates", {}))
+
+
+def _of(record: Record) -> Mapping[str, OwnQuantity]:
+    return record.own or {}
+
+
+def _state(view: View) -> SolvedState:
+    arrays = view.gap, view.state.pressure(), view.contact
+    for array in arrays:
+        array.flags.writeable = False
+    case, surface = view.case, view.surface
+    state = view.state
+    return SolvedState(*arrays, surface.spacing, surface.Sq, case.E_star, state.mean_pressure, state.separation)

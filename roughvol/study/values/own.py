@@ -1,0 +1,105 @@
+"""Quantities of a user: functions of a solved state that a study names, as ``my_module:my_function``.
+
+A function takes a `observables.own.SolvedState` and returns a number, or an array whose dimensions it names. What it is
+stands on it as attributes, all optional:
+
+``units``        text; default "1". "length" is the unit of the study
+``symbol``       as "f(g)"; default: the name in the study
+``label``        what it is, in words; default: the first line of its docstring
+``coordinates``  {dimension: labels} of an array, in the order of its dimensions; "axis" has the labels x and y
+``version``      text; a new one makes studies compute their cases anew
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import importlib
+import re
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import Any
+
+from roughvol.study.values.types import refuse
+
+GROUP = "roughvol.observables"
+"""Entry points of installed packages; a study takes one by its name, in place of ``module:function``."""
+_NAME = re.compile(r"[a-z][a-z0-9_]*")
+_TARGET = re.compile(r"[A-Za-z_][\w.]*(:[A-Za-z_]\w*)?")
+
+
+@dataclass(frozen=True)
+class OwnQuantity:
+    """A quantity of a user.
+
+    Attributes
+    ----------
+    target : str
+        ``module:function``, or the name of an entry point.
+    version : str
+        Version that the function declares.
+    """
+
+    target: str
+    version: str = ""
+
+    @property
+    def function(self) -> Callable[[Any], Any]:
+        """The function, imported where it has not been yet."""
+        return function_of(self.target)
+
+
+@functools.cache
+def function_of(target: str) -> Callable[[Any], Any]:
+    """Return the function of a target, from an installed module, or a module in the current folder.
+
+    Raises
+    ------
+    ImportError, AttributeError
+        If there is no such module, entry point or function.
+    """
+    module, _, name = target.partition(":")
+    with _current_folder():
+        if name:
+            found = getattr(importlib.import_module(module), name)
+        else:
+            points = list(entry_points(group=GROUP, name=target))
+            if not points:
+                known = ", ".join(sorted(entry_points(group=GROUP).names)) or "none is installed"
+                raise ImportError(f"no entry point of {GROUP}; allowed: module:function, or an entry point ({known})")
+            found = points[0].load()
+    if not callable(found):
+        raise AttributeError(f"{target} is no function")
+    function: Callable[[Any], Any] = found
+    return function
+
+
+@contextlib.contextmanager
+def _current_folder() -> Iterator[None]:
+    """Let imports find modules of the current folder, behind installed ones."""
+    sys.path.append("")
+    try:
+        yield
+    finally:
+        sys.path.remove("")
+
+
+def own(value: Any) -> dict[str, OwnQuantity]:
+    """Return the quantities of the plain data of a study, {name: target}."""
+    if not isinstance(value, dict) or not value:
+        refuse("must be a mapping of names to functions, as {example}", example="{my_number: my_module:my_function}")
+    found = {}
+    for name, target in value.items():
+        if isinstance(target, OwnQuantity):
+            found[name] = target
+            continue
+        if not isinstance(name, str) or not _NAME.fullmatch(name):
+            refuse("'{name}' is no name; allowed: small letters, digits and _, a letter first", name=str(name))
+        if not isinstance(target, str) or not _TARGET.fullmatch(target):
+            refuse("{name}: '{given}' is no function; allowed: module:function", name=name, given=str(target))
+        with contextlib.suppress(Exception):  # a stored run is read without its functions; a run needs them
+            found[name] = OwnQuantity(target, str(getattr(function_of(target), "version", "")))
+        found.setdefault(name, OwnQuantity(target))
+    return found

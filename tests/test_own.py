@@ -1,0 +1,174 @@
+"""Quantities of a user: functions named in a study, computed, stored, averaged and drawn as built-in ones."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import roughvol
+from roughvol.errors import CampaignError, StudyError
+from roughvol.observables.variables import QUANTITIES, VARIABLES
+from roughvol.study import loads
+from roughvol.study.values import own
+
+STUDY = """
+name: gaps
+surface: {D: 2.3, m: 4, L: 100 um, Sq: 1 um, seeds: 2}
+material: {E: 10 MPa, nu: 0.5}
+sweep: {steps: 3, to: {pressure: 0.5 MPa}}
+record: {own: {OWN}}
+"""
+MODULE = """
+import numpy as np
+
+def largest(state):
+    '''Largest gap'''
+    assert not state.gap.flags.writeable and state.axis_names == ("x", "y")
+    return state.gap.max() * state.Sq
+
+largest.units, largest.version = "length", "VERSION"
+
+def rows(state):
+    return state.gap.mean(axis=1)[None]
+
+def halves(state):
+    middle = len(state.gap) // 2
+    return [state.gap[:middle].mean(), state.gap[middle:].mean()]
+
+halves.coordinates = {"half": [0.0, 1.0]}
+
+def nominal(state):
+    return [state.contact.mean(), state.pressure.mean(), state.mean_pressure, state.separation, state.spacing]
+
+nominal.coordinates = {"part": range(5)}
+
+def failing(state):
+    return 1.0 / int(state.mean_pressure * 0.0)
+"""
+TUTORIAL = Path(__file__).parents[1] / "docs" / "tutorials" / "own-quantity.md"
+
+
+def study(functions, version=""):
+    """A study with quantities, after its module is written to the current folder."""
+    Path("mine.py").write_text(MODULE.replace("VERSION", version))
+    sys.modules.pop("mine", None)
+    own.function_of.cache_clear()
+    return loads(STUDY.replace("OWN", functions))
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    """Work in an empty folder; leave no rows and no module behind."""
+    monkeypatch.chdir(tmp_path)
+    before = set(VARIABLES)
+    yield
+    for name in set(VARIABLES) - before:
+        del VARIABLES[name], QUANTITIES[name]
+    sys.modules.pop("mine", None)
+    own.function_of.cache_clear()
+
+
+def test_numbers_and_arrays_are_stored_averaged_read_between_steps_and_drawn():
+    ds = roughvol.run(study("largest_gap: mine:largest, halves: mine:halves, parts: mine:nominal"), jobs=1)
+    assert ds.largest_gap.attrs == {"units": "um", "long_name": "Largest gap", "symbol": "largest_gap"}
+    assert ds.halves.dims == ("D", "m", "seed", "step", "half")
+    weighted = (ds.halves * np.array([8.0, 9.0]) / 17.0).sum("half")
+    np.testing.assert_allclose(weighted, ds.free_volume, rtol=1e-12)
+    area, pressure, p, d, spacing = (ds.parts.isel(part=k) for k in range(5))
+    np.testing.assert_array_equal(area, ds.contact_area_fraction)
+    np.testing.assert_allclose(pressure, ds.mean_pressure, rtol=1e-12)
+    np.testing.assert_array_equal(p, ds.mean_pressure)
+    np.testing.assert_array_equal(d, ds.separation)
+    np.testing.assert_allclose(spacing, 100.0 / 16.0)
+    assert np.isfinite(ds.roughvol.mean("seed").largest_gap).all()
+    there = ds.roughvol.at(pressure="0.3 MPa").largest_gap
+    assert (ds.largest_gap[..., -1] < there.squeeze()).all()
+    figure = roughvol.plot(ds, "largest_gap_of_p")
+    assert figure.axes[0].get_ylabel() == "Largest gap [µm]"
+
+
+def test_a_new_version_computes_anew_and_an_absent_function_leaves_what_is_stored():
+    first = study("largest_gap: mine:largest").cases()
+    second = study("largest_gap: mine:largest", version="2").cases()
+    without = loads(STUDY.replace("own: {OWN}", "")).cases()
+    assert len({case.id for case in (*first, *second, *without)}) == 6
+    ds = roughvol.run(study("largest_gap: mine:largest"), jobs=1)
+    Path("mine.py").unlink()
+    sys.modules.pop("mine", None)
+    own.function_of.cache_clear()
+    again = roughvol.open("gaps")
+    np.testing.assert_array_equal(again.largest_gap, ds.largest_gap)
+    assert roughvol.plot("gaps", "largest_gap_of_p").axes
+
+
+@pytest.mark.parametrize(
+    ("functions", "words"),
+    [
+        ("largest_gap: mine:nosuch", "record.own.largest_gap: cannot import 'mine:nosuch'.*no attribute 'nosuch'"),
+        ("largest_gap: nosuch:largest", "cannot import 'nosuch:largest' .ModuleNotFoundError"),
+        ("largest_gap: nosuch", "no entry point of roughvol.observables; allowed: module:function, or an entry point"),
+        ("largest_gap: 'mine:largest()'", "'mine:largest..' is no function; allowed: module:function"),
+        ("Largest gap: mine:largest", "'Largest gap' is no name"),
+        ("free_volume: mine:largest", "free_volume is a stored variable already"),
+        ("", "must be a mapping of names to functions"),
+    ],
+)
+def test_refused(functions, words):
+    with pytest.raises(StudyError, match=words):
+        roughvol.check(study(functions))
+
+
+@pytest.mark.parametrize(
+    ("functions", "words"),
+    [
+        ("bad: mine:failing", r"record.own.bad: mine:failing fails at p\* = .*ZeroDivisionError"),
+        ("bad: mine:rows", r"record.own.bad: mine:rows returns shape \(1, 17\); allowed: a number"),
+    ],
+)
+def test_a_function_that_fails_names_itself(functions, words):
+    with pytest.raises(CampaignError, match=words):
+        roughvol.run(study(functions), jobs=1)
+
+
+def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path):
+    site = tmp_path / "site"
+    described = site / "leakage-1.0.dist-info"
+    described.mkdir(parents=True)
+    (site / "leakage.py").write_text(MODULE)
+    (described / "METADATA").write_text("Metadata-Version: 2.1\nName: leakage\nVersion: 1.0\n")
+    (described / "entry_points.txt").write_text("[roughvol.observables]\nlargest_gap = leakage:largest\n")
+    Path("gaps.yaml").write_text(STUDY.replace("OWN", "largest_gap: largest_gap"))
+    path = os.pathsep.join([str(site), *filter(None, [os.environ.get("PYTHONPATH")])])
+
+    def call(*words):
+        done = subprocess.run(
+            [sys.executable, "-m", "roughvol", *words],
+            env={**os.environ, "PYTHONPATH": path},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    call("run", "gaps.yaml", "--jobs", "2")
+    assert "largest_gap_of_p.png" in call("plot", "gaps", "largest_gap_of_p")
+    assert "largest_gap" in call("show", "gaps", "--csv")
+
+
+def test_the_tutorial_runs_from_an_empty_folder():
+    blocks = re.findall(r"```(python|yaml)\n(.*?)```", TUTORIAL.read_text(), re.DOTALL)
+    (_, module), (_, yaml), (_, use) = blocks[:3]
+    assert len([line for line in module.splitlines() if line.strip()]) <= 12
+    Path("gaps.py").write_text(module)
+    Path("seal.yaml").write_text(yaml.replace("m: 6", "m: 4"))
+    script = f"import roughvol; roughvol.run('seal.yaml', jobs=1)\n{use}\nprint(float(ds.gap_share.sum()))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert 38.0 < float(done.stdout.split()[-1]) <= 40.0  # 10 steps of 4 surfaces, but for gaps beyond the last class
