@@ -15,6 +15,7 @@ an observable.
 `coupling`         contact and flow together: fluid pressure that lifts a seal
 `stiffness`        pressure per separation along a loading, and the contact conductance
 `void`             percolation, constriction, and flow through the void
+`own`              functions of a user, what they get and the rows of what they return
 `fields`           gap and pressure; density and box counting of element volumes; numbers of central squares
 `regions`          a part of the surface, and a state as an observable sees it
 `at_state`         quantities of a sweep at a given state, between its steps

@@ -139,7 +139,15 @@ def test_the_smoke_study_is_small_and_records_everything() -> None:
     study = load(CONFIGS / "smoke.yaml")
     assert len(study.cases()) * study.sweep.steps * max(4 ** (case.m or 0) for case in study.cases()) < 200_000
     left_out = {name for name, value in study.record.model_dump().items() if not value}
-    assert left_out <= {"region", "region_widths", "dimensional", "residual_heights", "all_legs", "fluid_pressure"}
+    assert left_out <= {
+        "region",
+        "region_widths",
+        "dimensional",
+        "residual_heights",
+        "all_legs",
+        "fluid_pressure",
+        "own",
+    }
 
 
 def test_a_number_may_have_a_unit() -> None:
@@ -350,7 +358,7 @@ def test_defaults_are_part_of_the_key_written_out_or_not(tmp_path: Path) -> None
     assert [case.id for case in cases] == ["z-c0baff5c"] * 2  # pinned: a change outdates every stored case
     assert cases[0].key["surface"]["treatment"].keys() == {field.name for field in fields(UNTREATED)}
     generated = loads("surface: {D: 2.3, m: 4}").cases()[0].key
-    assert generated["record"].keys() == loads(SURFACE).record.model_dump().keys() - {"dimensional"}
+    assert generated["record"].keys() == loads(SURFACE).record.model_dump().keys() - {"dimensional", "own"}
     assert generated["pressed"]["solver"].keys() == {"rtol", "pressure_error", "method"}
 
 

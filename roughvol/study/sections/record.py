@@ -143,7 +143,7 @@ class Transport(Choice):
     @model_validator(mode="after")
     def _asks_for_something(self) -> Transport:
         quantities = [name for name in type(self).model_fields if name != "accuracy"]
-        if not any(name in quantities for name in self.named):
+        if not any(self.named.get(name) for name in quantities):
             refuse("must name at least one of {known}", known=", ".join(quantities))
         return self
 
