@@ -19,6 +19,7 @@ is a `StudyError`. Functions name further errors alone.
 from __future__ import annotations
 
 import itertools
+import math
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -27,6 +28,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from roughvol.analysis import read_off
     from roughvol.analysis.creep import History
     from roughvol.analysis.leak_card import Card
     from roughvol.analysis.read_off import Answer
@@ -105,12 +107,14 @@ def ask(
     leak_rate: str | None = None,
     unknown: str = "pressure",
     at: str | None = None,
+    budget: bool = False,
+    jobs: int | None = None,
     changes: Sequence[str] = (),
 ) -> ReadOff:
     """Return where the leak of a run falls to a value, or where its last way closes: `roughvol ask`.
 
-    The answer is read off the stored sweep: numbers depend on E* and Sq through p* alone. Nothing is solved. Of several
-    surfaces the leakiest decides.
+    The answer is read off the stored sweep: numbers depend on E* and Sq through p* alone. Of several surfaces the
+    leakiest decides. Nothing is solved, but for the budget of the error.
 
     Parameters
     ----------
@@ -122,8 +126,10 @@ def ask(
         Quantity to find.
     at : str, optional
         Load of a modulus or an Sq, as ``"pressure=0.05 MPa"``.
-    changes : sequence of str
-        Changes of the study of the run.
+    budget : bool
+        Whether the runs of a leak card at the answers are computed. The interval has their errors.
+    jobs, changes : int, sequence of str
+        Processes, and changes of the study of the run.
 
     Returns
     -------
@@ -158,12 +164,47 @@ def ask(
         results, kelvin = gas_leak.in_place(results, unknown)
     read_off.check(results, leaks=leak_rate is not None)
     load = None if at is None else read_off.nominal_of(results, parse(at))
-    if leak_rate is None:
-        answers = read_off.ask_closed(results, unknown, pressure=load)
-    else:
+    largest = math.nan
+    if leak_rate is not None:
         largest, wanted = _leak(wanted, str(results["leak_rate"].attrs["units"]), kelvin)
-        answers = read_off.ask(results, largest, unknown, pressure=load)
-    return ReadOff(found, wanted, unknown, load, tuple(answers), tuple(read_off.narrower(results, answers)))
+
+    def answered(errors: dict[str, read_off.Errors] | None) -> list[Answer]:
+        if leak_rate is None:
+            return read_off.ask_closed(results, unknown, pressure=load, errors=errors)
+        return read_off.ask(results, largest, unknown, pressure=load, errors=errors)
+
+    answers = answered(None)
+    narrower = read_off.narrower(results, answers)
+    if budget and kelvin is not None:
+        read_off.refuse(f"the leak rate is {wanted!r}: the budget of the error is that of a liquid")
+    if budget:
+        answers = answered(_errors(found, answers, jobs, closed=leak_rate is None))
+    return ReadOff(found, wanted, unknown, load, tuple(answers), tuple(narrower))
+
+
+def _errors(run: StoredRun, answers: Sequence[Answer], jobs: int | None, *, closed: bool) -> dict[str, read_off.Errors]:
+    """Return the errors of leak cards at the loads of answers, by axis."""
+    from roughvol.analysis import read_off
+
+    unit = "" if closed else run.dataset["nominal_pressure"].attrs["units"]
+    return {
+        answer.axis: read_off.errors_of(
+            _card_at(run, "last" if closed else f"pressure={answer.nominal.value:.4g} {unit}", jobs), answer.axis
+        )
+        for answer in answers
+        if closed or answer.found
+    }
+
+
+def _card_at(run: StoredRun, load: str, jobs: int | None) -> Card:
+    """Return the leak card of a run at a load of leg 1."""
+    from roughvol.analysis import read_off
+
+    if not run.file.exists():
+        read_off.refuse("the budget of the error takes runs of the study; allowed: a study file, or the name of a run")
+    leg = ", leg 1" if read_off.path_words(run.dataset) else ""
+    cards = card(run.folder, f"{load}{leg}", out=run.folder.with_name(f"{run.name}_card"), jobs=jobs)
+    return cards.cards[""]
 
 
 def _leak(text: str, unit: str, kelvin: float | None) -> tuple[float, str]:
@@ -190,6 +231,8 @@ def creep(
     *,
     at: str,
     times: str,
+    budget: bool = False,
+    jobs: int | None = None,
     changes: Sequence[str] = (),
 ) -> History:
     """Return the leak of a run over time, for a material that creeps under constant load: `roughvol creep`.
@@ -206,8 +249,10 @@ def creep(
         The constant load, as ``"pressure=0.1 MPa"``.
     times : str
         Times under load with units, as ``"1 s..30 day"`` or ``"1 min, 1 h"``.
-    changes : sequence of str
-        Changes of the study of the run.
+    budget : bool
+        Whether the runs of leak cards at up to four of the states are computed. The intervals have their errors.
+    jobs, changes : int, sequence of str
+        Processes, and changes of the study of the run.
 
     Returns
     -------
@@ -248,9 +293,16 @@ def creep(
     from roughvol.analysis import read_off
     from roughvol.study import load_creep, parse, read_times
 
-    results = opened(run, changes).dataset
+    found = opened(run, changes)
+    results = found.dataset
     read_off.check(results)
-    return over_time.history(results, load_creep(Path(law)), read_off.nominal_of(results, parse(at)), read_times(times))
+    load = read_off.nominal_of(results, parse(at))
+    history = over_time.history(results, load_creep(Path(law)), load, read_times(times))
+    if not budget:
+        return history
+    loads = over_time.loads_of_cards(history)
+    cards = {load: _card_at(found, f"pressure={load:.5g} {history.pressure_unit}", jobs) for load in loads}
+    return over_time.with_errors(history, cards)
 
 
 @dataclass(frozen=True, eq=False)

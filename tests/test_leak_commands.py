@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from roughvol.analysis import leak_curve
 from roughvol.store import dataset
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from tests.kit import call
@@ -37,6 +39,38 @@ def test_a_stored_sweep_answers_with_a_pressure(scan: Path) -> None:
     assert told.exit_code == 2
     assert "the leak rate is '3 MPa'" in told.output
     assert "least pressure for a leak up to 1e-4 mm^3/s" in call("ask", "scan", "--leak-rate", "1e-4").output
+
+
+def test_the_interval_with_a_budget_is_that_of_the_card_at_the_answer(scan: Path) -> None:
+    """At the ends of the interval the stored leak is the value times, or over, the factors of the card."""
+    assert call("run", "scan.yaml", "--jobs", "1").exit_code == 0
+    stored = dataset.read(Path("runs/scan/study.nc"))
+    largest = float(np.sqrt(np.prod(stored["leak_rate"].sel(axis="x").values.ravel()[:2])))
+    words = ("scan", "--leak-rate", f"{largest} mm^3/s")
+    read, whole = (json.loads(call("ask", *words, *more, "--json").output)["answers"] for more in ((), ("--budget",)))
+    compared = 0
+    for reading, answer in zip(read, whole, strict=True):
+        assert answer["value"] == reading["value"]
+        assert reading["errors"] == ["reading"]
+        assert answer["errors"] == ["reading", "solver", "grid", "window", "levelling"]
+        assert answer["interval"][0] < reading["interval"][0] < reading["interval"][1] < answer["interval"][1]
+        at = f"pressure={answer['value']:.4g} MPa"
+        ways = json.loads(call("card", "scan", "--at", at, "--json").output)["ways"]
+        (way,) = (way for way in ways if way["axis"] == answer["axis"])
+        (curve,) = leak_curve.curves(stored, answer["axis"])
+        reading_there = curve.at(np.array([answer["value"]]))
+        assert 0.99 * reading_there.low[0] < way["leak"] < 1.01 * reading_there.high[0]
+        factors = [way["leak"] / end for end in way["leak_interval"]]
+        for end, factor, side in zip(answer["interval"], factors, ("low", "high"), strict=True):
+            if curve.begins < end < curve.closing.open_up_to:  # ends beyond the stored steps are open
+                found = getattr(curve.at(np.array([end])), side)[0]
+                assert found == pytest.approx(largest * factor, rel=0.05)
+                compared += 1
+    assert compared
+    printed = call("ask", *words, "--budget").output
+    assert re.search(r"along x: pressure 0\.\d+ MPa \((?:up|0\.\d+) to (0\.\d+); \1 MPa with 95 %\)", printed)
+    assert "errors of the leak: " in printed
+    assert "not in these numbers" not in printed
 
 
 @pytest.mark.parametrize(
@@ -79,6 +113,9 @@ def test_the_unit_of_a_leak_decides_between_liquid_and_gas(tmp_path: Path, monke
     assert "along x: pressure 0.0" in asked[0]
     first, second = (float(one.split("along x: pressure ")[1].split()[0]) for one in asked)
     assert abs(first / second - 1.0) < 1e-3
+    liquid = call("ask", "gas", "--leak-rate", "1 sccm", "--budget")
+    assert liquid.exit_code == 2
+    assert "the budget of the error is that of a liquid" in liquid.output
     refused = call("ask", "gas", "--leak-rate", "1 sccm", "--for", "Sq", "--at", "pressure=1 kPa")
     assert refused.exit_code == 2
     assert "mean free path" in refused.output

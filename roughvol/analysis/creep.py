@@ -16,8 +16,8 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +25,17 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis.average import average
+from roughvol.analysis.leak_card import Card
 from roughvol.analysis.leak_curve import Curve, axes, curves, surfaces
-from roughvol.analysis.read_off import check, refuse
+from roughvol.analysis.read_off import check, errors_of, refuse
 from roughvol.analysis.tables import Table, number, rounded
 from roughvol.observables.at_state import at_state
 from roughvol.store import stamped_file
 from roughvol.study import Creep, loads
 from roughvol.study.values.state_kinds import REACHED
 from roughvol.typing import Array
+
+CARDS = 4  # largest number of leak cards for the errors of a history
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +48,15 @@ class OverSurfaces:
         Median over the surfaces in the unit of the study, closed ones counted as 0. The leak of a surface between its
         last open step and the first closed one is on the straight line to 0.
     low, high : array (n,)
-        Interval of the reading.
+        Interval of the reading, or with the errors of leak cards; NaN where an error is not known.
     least, most : array (n,)
         16 to 84 % range over the surfaces.
     open, closing : array of int (n,)
         Number of surfaces before their first closed step, and of those beyond their last open step.
     surfaces : int
         Number of surfaces.
+    is_closing : array of bool (n,)
+        Whether the reading lies between 0 and the last open step.
     """
 
     value: Array
@@ -62,6 +67,7 @@ class OverSurfaces:
     open: Array
     closing: Array
     surfaces: int
+    is_closing: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +90,10 @@ class History:
         Nominal pressure in the unit of the study.
     pressure_unit, leak_unit : str
         Units.
+    body : str
+        Which body creeps, in words.
+    has_errors : bool
+        Whether the intervals have the errors of leak cards.
     """
 
     seconds: Array
@@ -94,6 +104,8 @@ class History:
     pressure: float
     pressure_unit: str
     leak_unit: str
+    body: str
+    has_errors: bool = False
 
 
 def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float]) -> History:
@@ -147,7 +159,53 @@ def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float])
         pressure,
         unit,
         str(run["leak_rate"].attrs["units"]),
+        law.words(material),
     )
+
+
+def loads_of_cards(over_time: History) -> list[float]:
+    """Return nominal pressures for leak cards: those of all times, or of a few between the first and the last.
+
+    Parameters
+    ----------
+    over_time : History
+        A seal over time.
+
+    Returns
+    -------
+    list of float
+        Nominal pressures in the unit of the study, rising.
+    """
+    every = over_time.equivalent
+    chosen = every if every.size <= CARDS else every[np.linspace(0, every.size - 1, CARDS).round().astype(int)]
+    return sorted({float(f"{load:.5g}") for load in chosen})
+
+
+def with_errors(over_time: History, cards: Mapping[float, Card]) -> History:
+    """Return a history whose intervals have the errors of leak cards.
+
+    The factors of a card go with the leak at its load; between two loads their logarithms are on a straight line over
+    the logarithm of the load. Where a way is closed at a load, the interval beside it is not known.
+
+    Parameters
+    ----------
+    over_time : History
+        A seal over time.
+    cards : mapping of float to Card
+        Cards at nominal pressures from the first state to the last.
+
+    Returns
+    -------
+    History
+        The same leaks; the ends of an interval are NaN where an error is not known.
+    """
+    at, logs, leaks = sorted(cards), np.log(over_time.equivalent), {}
+    for axis, leak in over_time.leak.items():
+        with np.errstate(divide="ignore"):  # a seal may be closed
+            factors = np.log([errors_of(cards[load], axis).leak for load in at])
+        smaller, larger = (np.exp(np.interp(logs, np.log(at), ends)) for ends in factors.T)
+        leaks[axis] = replace(leak, low=leak.low * smaller, high=leak.high * larger)
+    return replace(over_time, leak=leaks, has_errors=True)
 
 
 def _on_steps(steps: Array, loads: Array) -> Array:
@@ -167,7 +225,7 @@ def _over_surfaces(each: Sequence[Curve], equivalent: Array) -> OverSurfaces:
     lows, highs = (np.array([one.value for one in ends]) for ends in (low, high))
     open_ = np.sum([one.value > 0.0 for one in readings], axis=0)
     closing = np.sum([(one.low == 0.0) & (one.high > 0.0) for one in readings], axis=0)
-    return OverSurfaces(median, lows, highs, least, most, open_, closing, len(readings))
+    return OverSurfaces(median, lows, highs, least, most, open_, closing, len(readings), (lows == 0.0) & (median > 0.0))
 
 
 def _within_reach(
@@ -268,8 +326,13 @@ def record(over_time: History) -> dict[str, Any]:
                 "leak": ways,
             }
         )
-    return {"pressure": over_time.pressure, "unit": over_time.pressure_unit, "leak_unit": over_time.leak_unit} | {
-        "times": rows
+    return {
+        "pressure": over_time.pressure,
+        "unit": over_time.pressure_unit,
+        "leak_unit": over_time.leak_unit,
+        "body": over_time.body,
+        "has_errors": over_time.has_errors,
+        "times": rows,
     }
 
 
@@ -292,13 +355,14 @@ def table_of(over_time: History) -> Table:
     """
     unit, several = over_time.leak_unit, next(iter(over_time.leak.values())).surfaces > 1
     head = ["time", "J/J(0)", f"p J/J(0) [{over_time.pressure_unit}]", "A*"]
+    intervals = ["with errors"] if over_time.has_errors else []
     for axis in over_time.leak:
-        head += [f"Q_{axis} [{unit}]", *(["16-84 %", f"open along {axis}"] if several else [])]
+        head += [f"Q_{axis} [{unit}]", *intervals, *(["16-84 %", f"open along {axis}"] if several else [])]
     rows = []
     for k, seconds in enumerate(over_time.seconds):
         row = [_time(seconds), *(number(one[k]) for one in (over_time.ratio, over_time.equivalent, over_time.area))]
         for leak in over_time.leak.values():
-            row.append(_leak(leak, k))
+            row += [_leak(leak, k), *(_interval(leak, k) for _ in intervals)]
             if several:
                 least, most = (number(end[k], 2) for end in (leak.least, leak.most))
                 row.append(f"{least} to {most}" if leak.most[k] > 0.0 else "0")
@@ -316,7 +380,9 @@ def _note(over_time: History, *, several: bool) -> str:
         factors += [leak.high[known] / leak.value[known], leak.value[known] / leak.low[known]]
     worst = float(np.concatenate(factors).max())
     words = ["read off the stored sweep"]
-    if worst > 1.0:
+    if over_time.has_errors:
+        words.append("intervals with the errors of reading, solver, grid, window and levelling")
+    elif worst > 1.0:
         words.append(f"error of the reading up to a factor of {worst:.3g}")
     if several:
         words.append("Q is the median over the surfaces, closed ones counted as 0")
@@ -326,11 +392,17 @@ def _note(over_time: History, *, several: bool) -> str:
 def _leak(leak: OverSurfaces, k: int) -> str:
     """Return one leak in the digits of its interval."""
     value, low, high = float(leak.value[k]), float(leak.low[k]), float(leak.high[k])
-    if low == 0.0 < value:
-        return f"closing, < {number(high, 2)}"
+    if leak.is_closing[k]:
+        return f"closing, < {number(high, 2)}" if math.isfinite(high) else "closing"
     if value == 0.0:
         return "0" if leak.open[k] else "closed"
     return rounded(value, low, high)
+
+
+def _interval(leak: OverSurfaces, k: int) -> str:
+    """Return an interval with errors."""
+    low, high = (number(float(end[k]), 2) for end in (leak.low, leak.high))
+    return "unknown" if "–" in (low, high) else f"{low} to {high}"
 
 
 def _time(seconds: float) -> str:

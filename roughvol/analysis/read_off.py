@@ -9,13 +9,14 @@ pressure that belongs to the same p* at the E* and Sq of the study:
     Sq          Sq times p/p₀      where the leak at p₀ times (p/p₀)³ is the value; a larger Sq leaks more
 
 Of several surfaces, the leakiest decides: p₀ is the largest of any surface. Every answer has the interval of its
-reading (`leak_curve`). Errors of the grid and of the window are not in it; `leak_budget` has them.
+reading (`leak_curve`). Errors of solver, grid, window and levelling come with a leak card at p₀ (`leak_budget`): where
+the leak may be f times larger, the answer is up to where the stored leak is 1/f of the value.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
@@ -24,8 +25,10 @@ from xarray import Dataset
 
 from roughvol.analysis import closing, leak, leak_curve
 from roughvol.analysis.at import legs_of, scales
+from roughvol.analysis.closing import Span
 from roughvol.analysis.derived import derived
-from roughvol.analysis.leak_curve import LoadReading, axes, closings, curves, surfaces
+from roughvol.analysis.leak_card import Card, Part
+from roughvol.analysis.leak_curve import Curve, LoadReading, axes, closings, curves, surfaces
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.variables import LISTED
@@ -36,6 +39,61 @@ from roughvol.typing import Array
 UNKNOWNS = ("pressure", "modulus", "Sq")
 ONE_OF_EACH = ("D", "m", *LISTED)  # the surfaces of an answer are seeds or files
 AROUND = 5  # loads of a study that narrows an answer, along each axis
+
+
+@dataclass(frozen=True)
+class Errors:
+    """The errors of a leak card along one axis, or of its seal, as factors of the leak and of the closing load.
+
+    Attributes
+    ----------
+    parts : tuple of Part
+        Error budget of the leak.
+    leak : (float, float)
+        Smallest and largest leak over the leak; NaN where they are not known.
+    closing_parts : tuple of Part
+        Error budget of the closing load.
+    closing : (float, float)
+        Smallest and largest closing load over the closing load; NaN where they are not known.
+    solved : tuple of Span
+        Closing loads of the surfaces.
+    """
+
+    parts: tuple[Part, ...]
+    leak: tuple[float, float]
+    closing_parts: tuple[Part, ...]
+    closing: tuple[float, float]
+    solved: tuple[Span, ...]
+
+
+def errors_of(card: Card, axis: str) -> Errors:
+    """Return the errors of a card along an axis, of a study with a seal those of the seal.
+
+    Parameters
+    ----------
+    card : Card
+        A leak card.
+    axis : str
+        x or y.
+
+    Returns
+    -------
+    Errors
+        As factors.
+    """
+    if card.seal is not None:
+        seal = card.seal
+        solved = (Span(seal.closing, seal.closing),) if math.isfinite(seal.closing) else ()
+        factors = _factors(seal.leak, seal.interval), (), _factors(seal.closing, seal.closing_interval)
+        return Errors(seal.parts, *factors, solved)
+    (way,) = (way for way in card.ways if way.axis == axis)
+    return Errors(way.parts, _factors(way.leak.value, way.interval), (), (math.nan, math.nan), way.closing.spans)
+
+
+def _factors(value: float, ends: tuple[float, float]) -> tuple[float, float]:
+    if not (value > 0.0 and all(map(math.isfinite, ends))):
+        return math.nan, math.nan
+    return ends[0] / value, ends[1] / value
 
 
 @dataclass(frozen=True)
@@ -63,6 +121,8 @@ class Answer:
         Surface that decides: the leakiest one.
     surfaces : int
         Number of surfaces.
+    budget : Errors or None
+        The errors of a leak card that are in the interval.
     """
 
     axis: str
@@ -75,6 +135,7 @@ class Answer:
     between: tuple[float, float]
     surface: str
     surfaces: int
+    budget: Errors | None = None
 
     @property
     def found(self) -> bool:
@@ -91,9 +152,17 @@ class _Needed:
     pressure: Array  # nominal, of the steps with a leak or a known way
     starred: Array
     Sq: float
+    budget: Errors | None = None
 
 
-def ask(run: Dataset, largest: float, unknown: str, *, pressure: float | None = None) -> list[Answer]:
+def ask(
+    run: Dataset,
+    largest: float,
+    unknown: str,
+    *,
+    pressure: float | None = None,
+    errors: Mapping[str, Errors] | None = None,
+) -> list[Answer]:
     """Return where the leak of the leakiest surface falls to a value, along x and y; nothing is solved.
 
     Parameters
@@ -106,6 +175,8 @@ def ask(run: Dataset, largest: float, unknown: str, *, pressure: float | None = 
         Quantity to find.
     pressure : float, optional
         Nominal pressure in the unit of the study, for modulus and Sq.
+    errors : mapping, optional
+        Errors of cards by axis, which the intervals have.
 
     Returns
     -------
@@ -131,19 +202,32 @@ def ask(run: Dataset, largest: float, unknown: str, *, pressure: float | None = 
         scaled = 3.0 * (math.log(at) - log_pressures) if unknown == "Sq" else 0.0 * log_pressures
         return np.asarray(math.log(largest) - scaled)
 
-    return [
-        _answer(
-            run,
-            axis,
-            [_Needed(c.surface, c.load_where(log_wanted), c.pressure, c.starred, c.Sq) for c in curves(run, axis)],
-            unknown,
-            at,
-        )
-        for axis in axes(run)
-    ]
+    def needed(curve: Curve, axis: str) -> _Needed:
+        own = (errors or {}).get(axis)
+        load = curve.load_where(log_wanted) if own is None else _load_with_errors(curve, log_wanted, own)
+        return _Needed(curve.surface, load, curve.pressure, curve.starred, curve.Sq, own)
+
+    return [_answer(run, axis, [needed(one, axis) for one in curves(run, axis)], unknown, at) for axis in axes(run)]
 
 
-def ask_closed(run: Dataset, unknown: str, *, pressure: float | None = None) -> list[Answer]:
+def _load_with_errors(curve: Curve, log_wanted: Callable[[Array], Array], errors: Errors) -> LoadReading:
+    """Return the load of a leak with the errors of a card; from 0, and without an upper end, where they are unknown."""
+    load, (least, most) = curve.load_where(log_wanted), errors.leak
+    low, high = 0.0, math.inf
+    if least > 0.0:
+        low = curve.load_where(lambda logs: log_wanted(logs) - math.log(least)).low
+    if math.isfinite(most):
+        high = curve.load_where(lambda logs: log_wanted(logs) - math.log(most)).high
+    if curve.closing.closes:  # a joint that is tight leaks less
+        factor = errors.closing[1] if math.isfinite(errors.closing[1]) else 1.0
+        closed = factor * curve.closing.closed_from
+        high = max(load.value, closed if high >= curve.closing.closed_from else min(high, closed))
+    return LoadReading(load.value, min(low, load.low), high, load.closing)
+
+
+def ask_closed(
+    run: Dataset, unknown: str, *, pressure: float | None = None, errors: Mapping[str, Errors] | None = None
+) -> list[Answer]:
     """Return where the last way of any surface closes, along x and y: between two steps.
 
     Parameters
@@ -154,6 +238,8 @@ def ask_closed(run: Dataset, unknown: str, *, pressure: float | None = None) -> 
         Quantity to find. Without units the pressure is p*.
     pressure : float, optional
         Nominal pressure in the unit of the study, for modulus and Sq.
+    errors : mapping, optional
+        Closing loads and errors of cards by axis, which the answers have.
 
     Returns
     -------
@@ -171,7 +257,7 @@ def ask_closed(run: Dataset, unknown: str, *, pressure: float | None = None) -> 
     with_ways = derived(run, stored)
     if not leak.ways(with_ways):
         refuse("the run does not follow its ways: add record.transport: {percolation: every-step} to its study")
-    return [_answer(run, axis, _closing(with_ways, axis), unknown, pressure or 0.0) for axis in axes(run)]
+    return [_answer(run, axis, _closing(with_ways, axis, errors), unknown, pressure or 0.0) for axis in axes(run)]
 
 
 def check(run: Dataset, *, leaks: bool = True) -> None:
@@ -288,17 +374,27 @@ def narrower(run: Dataset, answers: Sequence[Answer]) -> list[str]:
     """
     nominal = [answer.nominal for answer in answers if answer.found]
     unit = str(run["nominal_pressure"].attrs["units"]) if "nominal_pressure" in run else ""
+    nominal = [one for one in nominal if one.low < one.high]
     found = sorted({float(f"{load:.5g}") for one in nominal for load in np.geomspace(one.low, one.high, AROUND)})
     text = str(run.attrs.get("study", ""))
     if not found:
         return []
     listed = ", ".join(f"{load:g} {unit}".strip() for load in found)
+    closed = all(one.closing for one in nominal)
+    change = "record.transport.closing=true" if closed else f"sweep={{pressures: [{listed}]}}"
     try:
-        changes = [f"name={loads(text, stored=True).name}_closer", f"sweep={{pressures: [{listed}]}}"]
+        changes = [f"name={loads(text, stored=True).name}_closer", change]
         loads(text, stored=True, changes=changes)
     except StudyError:
         return []
     return changes
+
+
+def parts_of(answer: Answer) -> tuple[Part, ...]:
+    """Return the parts of the error that the interval of an answer has beside that of the reading."""
+    if answer.budget is None:
+        return ()
+    return answer.budget.closing_parts if answer.nominal.closing else answer.budget.parts
 
 
 def record(answer: Answer, unknown: str) -> dict[str, Any]:
@@ -325,6 +421,7 @@ def record(answer: Answer, unknown: str) -> dict[str, Any]:
         "unit": answer.unit,
         "closes_inside": nominal.closing,
         "mean_pressure_steps": [_finite(end) for end in answer.between],
+        "errors": ["reading", *(part.name for part in parts_of(answer))],
         "surfaces": answer.surfaces,
         "leakiest": answer.surface,
     }
@@ -385,14 +482,27 @@ def _liquid(run: Dataset) -> bool:
     )
 
 
-def _closing(run: Dataset, axis: str) -> list[_Needed]:
+def _closing(run: Dataset, axis: str, errors: Mapping[str, Errors] | None) -> list[_Needed]:
     """Return the loads between which the last way of each surface closes."""
-    load, found = closing.load_of(run), []
-    for name, span, surface in closings(run, axis, load):
+    load, found, own = closing.load_of(run), [], (errors or {}).get(axis)
+    stored = closings(run, axis, load)
+    solved = own.solved if own is not None and len(own.solved) == len(stored) else [span for _, span, _ in stored]
+    for (name, _, surface), span in zip(stored, solved, strict=True):
         known = np.isfinite(surface[load].values)
         pressure, starred = (surface[key].values[known] for key in (load, "mean_pressure"))
-        found.append(_Needed(name, LoadReading.of(span), pressure, starred, float(surface["Sq"])))
+        reading = LoadReading.of(span) if own is None else _closing_with_errors(span, own)
+        found.append(_Needed(name, reading, pressure, starred, float(surface["Sq"]), own))
     return found
+
+
+def _closing_with_errors(span: Span, errors: Errors) -> LoadReading:
+    """Return the load at which a way closes with the errors of a card."""
+    reading, (least, most) = LoadReading.of(span), errors.closing
+    if not reading.closing:
+        return reading
+    low = least * span.open_up_to if math.isfinite(least) else 0.0
+    high = most * span.closed_from if math.isfinite(most) else math.inf
+    return LoadReading(reading.value, low, high, closing=True)
 
 
 def _answer(run: Dataset, axis: str, needed: list[_Needed], unknown: str, pressure: float) -> Answer:
@@ -403,7 +513,7 @@ def _answer(run: Dataset, axis: str, needed: list[_Needed], unknown: str, pressu
     low, high = (max(getattr(one.load, end) for one in needed) for end in ("low", "high"))
     nominal = LoadReading(decides.load.value, low, high, decides.load.closing)
     between = _around(decides, nominal.value)
-    rest = (decides.surface, len(needed))
+    rest = (decides.surface, len(needed), decides.budget)
     if unknown == "pressure":
         unit = str(run[closing.load_of(run)].attrs.get("units", "1"))
         return Answer(axis, nominal.value, nominal.low, nominal.high, unit, nominal, 1.0, between, *rest)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import click
 
 import roughvol
-from roughvol.cli.options import JSON, RUN, SET, at, examples
+from roughvol.cli.options import BUDGET, JOBS, JSON, RUN, SET, at, examples
 from roughvol.cli.output import say, say_json
 
 if TYPE_CHECKING:
@@ -16,10 +18,18 @@ if TYPE_CHECKING:
 
 SOUGHT = {"pressure": "least pressure", "modulus": "largest modulus", "Sq": "largest Sq"}
 
+NARROWS = {
+    "solver": "a smaller solver.rtol narrows the interval most",
+    "grid": "a map of finer spacing narrows the interval most: a smaller downsample, or a larger m",
+    "window": "more maps of the joint narrow the interval most: surface.files, or more seeds",
+    "levelling": "a map that shows the form of the face narrows the interval most",
+}
+
 
 @click.command(
     epilog=examples(
         'roughvol ask seal --leak-rate "1e-6 mm^3/s"                                the pressure needed',
+        'roughvol ask seal --leak-rate "1e-6 mm^3/s" --budget                       with the errors of a leak card',
         'roughvol ask seal --leak-rate "1e-6 mm^3/s" --for modulus --at pressure=0.05MPa',
         "roughvol ask seal --closed                                                 where the last way closes",
     )
@@ -36,6 +46,8 @@ SOUGHT = {"pressure": "least pressure", "modulus": "largest modulus", "Sq": "lar
     help="Quantity to find.",
 )
 @at(several=False)
+@BUDGET
+@JOBS
 @JSON
 @SET
 def ask(
@@ -44,17 +56,20 @@ def ask(
     closed: bool,
     unknown: str,
     state: str | None,
+    budget: bool,
+    jobs: int | None,
     as_json: bool,
     changes: tuple[str, ...],
 ) -> None:
     """Find where the leak of RUN falls to a value: RUN is a folder, a study.nc, a study file, or a name.
 
-    The answer is read off the stored sweep: numbers depend on E* and Sq through p* alone. Nothing is solved. Of several
-    surfaces the leakiest decides. The answer has the interval of the reading, and the command that narrows it.
+    The answer is read off the stored sweep: numbers depend on E* and Sq through p* alone. Of several surfaces the
+    leakiest decides. The answer has the interval of the reading, and the command that narrows it. Nothing is solved,
+    but for --budget: then the interval has the errors of solver, grid, window and levelling too.
     """
     if (leak_rate is None) == (not closed):
         raise click.UsageError("either --leak-rate VALUE or --closed")
-    found = roughvol.ask(run, leak_rate=leak_rate, unknown=unknown, at=state, changes=changes)
+    found = roughvol.ask(run, leak_rate=leak_rate, unknown=unknown, at=state, budget=budget, jobs=jobs, changes=changes)
     narrower = found.command(run or "", changes)
     if as_json:
         say_json(found.plain() | {"narrower": narrower or None})
@@ -63,9 +78,12 @@ def ask(
     say(f"{titled(found.run.name, found.run.dataset)}: {SOUGHT[unknown]} for {wanted}")
     for answer in found.answers:
         say(f"along {answer.axis}: {_words(answer, unknown, closed=closed)}")
+        if answer.budget is not None:
+            say(f"  {_of_budget(answer)}")
     if any(answer.found for answer in found.answers):
-        say(beyond(found.run.name, found.run.dataset))
-    if narrower:
+        for line in beyond(found.run.name, found.run.dataset, has_errors=budget):
+            say(line)
+    if narrower and not budget:
         say(f"Solved states narrow the interval: {narrower}")
 
 
@@ -76,12 +94,25 @@ def titled(name: str, results: Dataset) -> str:
     return ", ".join(filter(None, (name, read_off.path_words(results))))
 
 
-def beyond(name: str, results: Dataset) -> str:
-    """Return how several height files count, and which errors of a leak a read-off does not have."""
+def beyond(name: str, results: Dataset, *, has_errors: bool) -> Iterator[str]:
+    """Yield how several height files count, and which errors of a leak a read-off does not have."""
     from roughvol.analysis import read_off
 
-    errors = f"Errors of the grid and of the window are not in these numbers; their factors: roughvol card {name}"
-    return "\n".join(filter(None, [read_off.files_words(results), read_off.seal_words(results), errors]))
+    yield from filter(None, (read_off.files_words(results), read_off.seal_words(results)))
+    if not has_errors:
+        words = "Errors of the grid and of the window are not in these numbers; with them: --budget, or roughvol card"
+        yield f"{words} {name}"
+
+
+def _of_budget(answer: Answer) -> str:
+    """Return the parts of the error of an answer as factors, the largest first."""
+    from roughvol.analysis import read_off
+    from roughvol.analysis.tables import number
+
+    parts = sorted(read_off.parts_of(answer), key=lambda part: -part.factor if part.known else -math.inf)
+    factors = ", ".join(f"{part.name} {f'×÷ {number(part.factor, 3)}' if part.known else 'unknown'}" for part in parts)
+    of = "closing load" if answer.nominal.closing else "leak"
+    return f"errors of the {of}: {factors}; {NARROWS[parts[0].name]}" if parts else f"errors of the {of}: unknown"
 
 
 def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
@@ -98,11 +129,30 @@ def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
         return f"no {unknown} within the stored loads, up to p* = {low}{of}"
     unit = "" if answer.unit == "1" else f" {answer.unit}"
     name = {"pressure": "pressure" if unit else "p* =", "modulus": "modulus E* =", "Sq": "Sq"}[unknown]
-    if answer.nominal.closing:
-        text = f"{name} {number(answer.low)} to {number(answer.high)}{unit}, where the last way closes"
+    if answer.nominal.closing and answer.low < answer.value == answer.high:
+        text = f"{name} {number(answer.low)} to {number(answer.high)}{unit}"
     else:
-        value, *ends = (rounded(one, answer.low, answer.high) for one in (answer.value, answer.low, answer.high))
-        text = f"{name} {value}{unit} ({ends[0]} to {ends[1]})"
+        bounded = math.isfinite(answer.high)
+        value = rounded(answer.value, answer.low, answer.high) if bounded else number(answer.value, 2)
+        text = f"{name} {value}{unit}{_interval(answer, unknown, unit)}"
+    text += ", where the last way closes" if answer.nominal.closing else ""
     if unknown != "pressure":
-        text += f", {number(answer.times)} times the {'E*' if unknown == 'modulus' else 'Sq'} of the study"
+        text += f", {number(answer.times, 3)} times the {'E*' if unknown == 'modulus' else 'Sq'} of the study"
     return f"{text}, between the steps p* = {low} and {high}{of}"
+
+
+def _interval(answer: Answer, unknown: str, unit: str) -> str:
+    """Return the interval of an answer in words, with errors its safe end."""
+    from roughvol.analysis.tables import number, rounded
+
+    bounded = math.isfinite(answer.high)
+    ends = (answer.low, answer.high)
+    low, high = (rounded(end, *ends) if bounded else number(end, 2) for end in ends)
+    known = answer.low > 0.0, bounded
+    if not any(known):
+        return ", its error is not known"
+    words = {(True, True): f"{low} to {high}", (False, True): f"up to {high}", (True, False): f"{low} or more"}[known]
+    safe, is_safe = (high, known[1]) if unknown == "pressure" else (low, known[0])
+    if answer.budget is None or not is_safe:
+        return f" ({words})" if answer.low < answer.high else ""
+    return f" ({words}; {safe}{unit} with 95 %)"

@@ -8,7 +8,7 @@ import click
 
 import roughvol
 from roughvol.cli.ask import beyond, titled
-from roughvol.cli.options import JSON, RUN, SET, at, examples, out
+from roughvol.cli.options import BUDGET, JOBS, JSON, RUN, SET, at, examples, out
 from roughvol.cli.output import say, say_json, say_table, warn
 
 
@@ -22,13 +22,17 @@ from roughvol.cli.output import say, say_json, say_table, warn
         "  table: {times: [1 s, 1 day], ratios: [1, 1.5]}         or moduli: [10 MPa, 6.7 MPa]",
         "and, for a study with material.against, the body that creeps:",
         "  body: first                                            or second, both",
+        "and, for a study with material.E_star:",
+        "  share: 0.6                                             of 1/E* that creeps; default: 1",
     )
 )
 @RUN
 @click.option("--law", required=True, type=click.Path(path_type=Path), help="YAML file of the creep law J(t)/J(0).")
 @at(several=False)
 @click.option("--times", required=True, metavar="TIMES", help="Times under load: 'FROM..TO' or a list, with units.")
+@BUDGET
 @out("the run's; for creep.csv and creep.png")
+@JOBS
 @JSON
 @SET
 def creep(
@@ -36,7 +40,9 @@ def creep(
     law: Path,
     state: str | None,
     times: str,
+    budget: bool,
     out: Path | None,
+    jobs: int | None,
     as_json: bool,
     changes: tuple[str, ...],
 ) -> None:
@@ -44,7 +50,8 @@ def creep(
 
     The modulus of the study is that at once. States at later times are read off the stored sweep: at constant load the
     contact is that of the modulus 1/J(t) (Lee and Radok 1960). Times whose states the sweep does not reach are refused.
-    Of several surfaces the leak is the median, with the 16-84 % range and the number of open surfaces.
+    Of several surfaces the leak is the median, with the 16-84 % range and the number of open surfaces. With --budget it
+    has the interval of leak cards at up to four of the states.
     """
     from roughvol.analysis import creep as over_time
     from roughvol.questions import opened
@@ -53,13 +60,14 @@ def creep(
     if state is None:
         raise click.UsageError("needs its constant load, as --at pressure=0.1MPa")
     found = opened(run, changes)
-    history = roughvol.creep(found, law, at=state, times=times)
+    history = roughvol.creep(found, law, at=state, times=times, budget=budget, jobs=jobs)
     if as_json:
         say_json({"run": found.name, "leg": 1} | over_time.record(history))
         return
-    say(f"{titled(found.name, found.dataset)}: at {history.pressure:.4g} {history.pressure_unit}")
+    say(f"{titled(found.name, found.dataset)}: at {history.pressure:.4g} {history.pressure_unit}; {history.body}")
     say_table(over_time.table_of(history))
-    say(beyond(found.name, found.dataset))
+    for line in beyond(found.name, found.dataset, has_errors=budget):
+        say(line)
     folder = out or found.folder
     over_time.write_csv(history, folder / "creep.csv")
     say(str(folder / "creep.csv"))

@@ -81,6 +81,7 @@ SET = click.option(
     shell_complete=completed_changes,
     help="Another value of a key of the study, as surface.m=6; repeatable.",
 )
+BUDGET = click.option("--budget", is_flag=True, help="Compute the runs of leak cards at the answer, for its errors.")
 JOBS = click.option("--jobs", "-j", type=click.IntRange(min=1), metavar="N", help="Processes [default: one a core].")
 CSV = click.option("--csv", "as_csv", is_flag=True, help="Comma-separated values.")
 JSON = click.option("--json", "as_json", is_flag=True, help="JSON with the units.")

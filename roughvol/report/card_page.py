@@ -60,7 +60,7 @@ def document(page: Page) -> Document:
     drawn = tuple(
         Drawing(panel.name, panel.caption, "", leak_card.drawing_of(card, panel)) for panel in leak_card.panels(card)
     )
-    answers = tuple((f"Along {way.axis}", card_text.answer(way)) for way in card.ways)
+    answers = tuple((f"Along {way.axis}", card_text.answer(card, way)) for way in card.ways)
     seal = (card_text.seal(card),) if card.seal is not None else ()
     limits = Section(kind="warnings", items=tuple(exceeded)) if exceeded else Section(notes=(NONE_EXCEEDED,))
     held = (Section(kind="kept", under="Kept:", items=tuple(kept)),) if kept else ()
@@ -102,7 +102,7 @@ def brief(page: Page) -> Section:
     )
     found, _, exceeded = card_text.rests_on(page.fine)
     facts = (*surfaces, *card_text.load_facts(card), *(fact for fact in found if fact[0] in card_text.FLUID))
-    ways = (replace(_way(card, way), title=f"along {way.axis}: {card_text.answer(way)}") for way in card.ways)
+    ways = (replace(_way(card, way), title=f"along {way.axis}: {card_text.answer(card, way)}") for way in card.ways)
     warnings = tuple(f"warning: {line}" for line in exceeded)
     seal = (replace(_seal(card.seal), title=card_text.seal(card)),) if card.seal is not None else ()
     return Section(facts=facts, sections=(*ways, *seal, Section(notes=(card_text.patch(card),), items=warnings)))

@@ -88,12 +88,14 @@ def short(value: float) -> str:
     return f"{digits}e{int(power)}"
 
 
-def answer(way: Way) -> str:
+def answer(card: Card, way: Way) -> str:
     """Return the leak along an axis with its interval, and where the way closes, in words."""
     found = way.leak
     if not math.isfinite(found.value):
         return "not known: the sweep does not reach this load"
-    return "; ".join(filter(None, [_leaks(way), _counts(way), _unknown(way), tight(way)]))
+    dry = "without fluid pressure " if card.lifted else ""
+    closing = tight(way)
+    return "; ".join(filter(None, [_leaks(way), _counts(way), _unknown(way), closing and f"{dry}{closing}"]))
 
 
 def _leaks(way: Way) -> str:

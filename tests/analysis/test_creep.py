@@ -7,6 +7,8 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +16,8 @@ from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
 from roughvol.analysis import creep
+from roughvol.analysis.average import Average
+from roughvol.analysis.leak_card import Closing, Part, Way
 from roughvol.campaign import execution
 from roughvol.cli import main
 from roughvol.errors import StudyError
@@ -47,6 +51,12 @@ def run(folder: Path) -> Dataset:
     return execution.run(loads(TEXT), jobs=1, out=folder)
 
 
+def _said(*words: str) -> str:
+    done = CliRunner().invoke(main, words)
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
 # laws
 
 
@@ -76,7 +86,7 @@ def test_the_forms_of_a_law(tmp_path: Path) -> None:
         ("prony: {shares: [-0.1], times: [1 s]}", "creep.yaml:1: prony.shares.0.: must be >= 0, given -0.1"),
         ("prony: {shares: [0.1], times: [1 m]}", "unit of length"),
         ("{}", "needs one of"),
-        ("spring: 1", "creep.yaml:1: spring: unknown key; allowed: prony, power, table, body"),
+        ("spring: 1", "creep.yaml:1: spring: unknown key; allowed: prony, power, table, body, share"),
         ("power: {n: 1, exponent: 1, time: 1 s}", "power.n: unknown key; allowed: exponent, time"),
         ("power: {exponent: 0.1,\n  time: 1}", "creep.yaml:2: power.time: must be a number with a unit of time"),
         ("prony: {shares: [.inf], times: [1 s]}", "must be a finite number, given .inf"),
@@ -150,7 +160,7 @@ def test_the_command_writes_a_table_and_a_figure(run: Dataset, folder: Path, tmp
     assert done.exit_code == 0, done.output
     assert "error of the reading up to a factor of 1." in done.output
     assert (
-        "Errors of the grid and of the window are not in these numbers; their factors: roughvol card rubber"
+        "Errors of the grid and of the window are not in these numbers; with them: --budget, or roughvol card rubber"
         in done.output
     )
     with (tmp_path / "out" / "creep.csv").open() as stream:
@@ -181,6 +191,56 @@ def test_json_has_units_intervals_and_counts(run: Dataset, folder: Path, tmp_pat
             assert way["interval"] == [leak.low[k], leak.high[k]]
             assert way["range_of_surfaces"] == [leak.least[k], leak.most[k]]
             assert (way["open"], way["surfaces"]) == (2, 2)
+
+
+def test_intervals_with_a_budget_are_those_of_cards_at_the_states(folder: Path, tmp_path: Path) -> None:
+    _law("table: {times: [1 s, 1 h], ratios: [1, 1.5]}", tmp_path)
+    words = (
+        "creep",
+        str(folder),
+        "--law",
+        str(tmp_path / "creep.yaml"),
+        "--at",
+        "pressure=10 kPa",
+        "--times",
+        "1 s, 1 h",
+    )
+    (reading, whole) = (json.loads(_said(*words, *more, "--json"))["times"] for more in ((), ("--budget",)))
+    for before, after in zip(reading, whole, strict=True):
+        at = f"pressure={after['equivalent_pressure']} MPa"
+        card = json.loads(_said("card", str(folder), "--at", at, "--out", f"{folder}_card", "--json"))
+        for read, leak, way in zip(before["leak"], after["leak"], card["ways"], strict=True):
+            assert leak["value"] == read["value"] == pytest.approx(way["leak"], rel=0.02)
+            low, high = (end / way["leak"] for end in way["leak_interval"])
+            assert low < 1.0 < high
+            assert_allclose(leak["interval"], [read["interval"][0] * low, read["interval"][1] * high], rtol=1e-6)
+    printed = _said(*words, "--budget")
+    assert "rubber: at 0.01 MPa; all of 1/E* creeps" in printed
+    assert "with errors" in printed
+    assert "not in these numbers" not in printed
+
+
+def test_a_history_between_cards_has_their_factors_on_a_line_and_none_beside_a_closed_way(
+    run: Dataset, tmp_path: Path
+) -> None:
+    over_time = creep.history(run, _law("power: {exponent: 0.2, time: 1 s}", tmp_path), 0.005, read_times("1 s..1 min"))
+    loads_ = creep.loads_of_cards(over_time)
+    assert len(loads_) == creep.CARDS < over_time.equivalent.size
+    assert_allclose([loads_[0], loads_[-1]], over_time.equivalent[[0, -1]], rtol=1e-4)
+
+    def card(leak: float, factor: float) -> Any:
+        found, parts = Average(leak, leak, leak, 1, 1), (Part("window", factor, ""),)
+        ways = tuple(Way(axis, found, 1, "mm^3/s", Closing((), "MPa"), (), "", parts) for axis in "xy")
+        return SimpleNamespace(ways=ways, seal=None)
+
+    factors = [2.0, 2.0, 8.0, math.nan]
+    found = creep.with_errors(over_time, {at: card(1.0, one) for at, one in zip(loads_, factors, strict=True)})
+    for axis, leak in found.leak.items():
+        wider = leak.high / over_time.leak[axis].high
+        assert_allclose(wider[over_time.equivalent < loads_[1]], 2.0, rtol=1e-6)
+        between = (over_time.equivalent > loads_[1]) & (over_time.equivalent < loads_[2])
+        assert np.all((wider[between] > 2.0) & (wider[between] < 8.0))
+        assert np.isnan(wider[over_time.equivalent > loads_[2]]).all()
 
 
 # several surfaces
@@ -281,6 +341,20 @@ def test_a_law_names_the_body_where_the_study_has_two(tmp_path: Path) -> None:
         _law(f"{PRONY}\nbody: second", tmp_path).ratio(1.0, rigid)
     with pytest.raises(StudyError, match=r"creep\.yaml:2: body: .*'first', 'second' or 'both'"):
         _law(f"{PRONY}\nbody: upper", tmp_path)
+
+
+def test_a_share_of_the_compliance_creeps_as_that_body_would(tmp_path: Path) -> None:
+    """E* of two bodies, and their moduli, have the same compliance over time where the share is that of the body."""
+    two = loads("material: {E: 8 MPa, nu: 0.49, against: {E: 30 MPa, nu: 0.3}}\nsurface: {D: 2.2, m: 3}")
+    first = two.material.contact_modulus * (1.0 - 0.49**2) / 8.0
+    of_body = _law(f"{PRONY}\nbody: first", tmp_path)
+    of_share = _law(f"{PRONY}\nshare: {first!r}", tmp_path)
+    for seconds in (1.0, 1e3, 1e9):
+        assert_allclose(of_share.ratio(seconds, MATERIAL), of_body.ratio(seconds, two.material), rtol=1e-14)
+    assert of_body.words(two.material) == f"the first body (E, nu) creeps, {first:.3g} of 1/E*"
+    assert of_share.words(MATERIAL) == f"{first:.3g} of 1/E* creeps"
+    with pytest.raises(StudyError, match=r"share: is for a study with material\.E_star"):
+        of_share.ratio(1.0, two.material)
 
 
 def test_the_leak_of_two_bodies_is_that_of_a_new_run_with_both_moduli(tmp_path: Path) -> None:

@@ -384,7 +384,10 @@ def test_the_command_prints_digits_of_the_error_and_what_is_not_in_it(
     value = row.split()[3]
     assert len(value.replace(".", "").lstrip("0")) <= 5
     assert "for the leakiest of 2 surfaces (seed " in row
-    assert "Errors of the grid and of the window are not in these numbers; their factors: roughvol card seal" in said
+    assert (
+        "Errors of the grid and of the window are not in these numbers; with them: --budget, or roughvol card seal"
+        in said
+    )
     modulus = _said("ask", str(folder), "--leak-rate", f"{largest} mm^3/s", "--for", "modulus", "--at", "p=1 kPa")
     assert "modulus E* = " in modulus
     assert " MPa (" in modulus

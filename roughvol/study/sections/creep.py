@@ -14,7 +14,9 @@ A study with ``material: {E, nu, against: {E, nu}}`` has two elastic bodies, and
     body: both                                                both creep by this law
 
 The compliance of the contact is the sum of both, 1/E* = (1-ν₁²)/E₁ + (1-ν₂²)/E₂. A body that creeps has its term times
-J(t)/J(0).
+J(t)/J(0). A study with ``material: {E_star}`` has the sum alone, and all of it creeps, or a part that the law gives:
+
+    share: 0.6                                                the term of the body that creeps over 1/E*
 """
 
 from __future__ import annotations
@@ -94,6 +96,10 @@ class Creep(Strict):
     body: Literal["first", "second", "both"] | None = Field(
         default=None, description="the body that creeps, for a study with material.against; second is against"
     )
+    share: Annotated[float, Field(gt=0, le=1)] | None = Field(
+        default=None,
+        description="share of 1/E* that creeps, 0 < share <= 1, for a study with material.E_star; default: 1",
+    )
 
     @model_validator(mode="after")
     def _one_form(self) -> Creep:
@@ -125,9 +131,35 @@ class Creep(Strict):
         share = self._share(material)
         return 1.0 + share * (self._of_body(seconds, material) - 1.0)
 
+    def words(self, material: ContactModulus | YoungPoisson) -> str:
+        """Return which body creeps, and its share of the compliance of the contact.
+
+        Parameters
+        ----------
+        material : ContactModulus or YoungPoisson
+            Of the study.
+
+        Returns
+        -------
+        str
+            As ``the first body (E, nu) creeps, 0.62 of 1/E*``.
+        """
+        share = self._share(material)
+        if isinstance(material, ContactModulus):
+            return f"{share:.3g} of 1/E* creeps" if share < 1.0 else "all of 1/E* creeps"
+        if material.against is None:
+            return "the body of E and nu creeps, against a rigid face"
+        if self.body == "both":
+            return "both bodies creep"
+        own = "first body (E, nu)" if self.body == "first" else "second body (against)"
+        return f"the {own} creeps, {share:.3g} of 1/E*"
+
     def _share(self, material: ContactModulus | YoungPoisson) -> float:
         """Return the share of 1/E* that creeps."""
         two = isinstance(material, YoungPoisson) and material.against is not None
+        if self.share is not None and not isinstance(material, ContactModulus):
+            message = "is for a study with material.E_star; the study has E and nu, and its share follows from them"
+            raise StudyError([Problem(message, "share")])
         if two and self.body is None:
             message = (
                 "missing in the creep law: the study has two elastic bodies (material.against); allowed: "
@@ -138,7 +170,7 @@ class Creep(Strict):
             message = "is second, and the study has no material.against; allowed: none, first"
             raise StudyError([Problem(message, "body")])
         if not two or self.body == "both":
-            return 1.0
+            return self.share or 1.0
         assert isinstance(material, YoungPoisson)
         first = material.contact_modulus * (1.0 - material.nu**2) / float(material.E)
         return first if self.body == "first" else 1.0 - first
