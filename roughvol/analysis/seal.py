@@ -127,6 +127,27 @@ def conductance_of(values: Array, patches: tuple[int, int], *, isotropic: bool, 
     return _estimate(values, patches, isotropic, sheet.conductance, np.mean, draws)
 
 
+def of_one_map(whole: Array, quadrants: Array, patches: tuple[int, int], *, isotropic: bool) -> Estimate:
+    """Return the sheet conductance of a seal that is one map repeated, with the interval of its quadrants.
+
+    Parameters
+    ----------
+    whole : ndarray, shape (2,)
+        Conductances of the map along and across the flow.
+    quadrants : ndarray, shape (4, 2)
+        Those of its quadrants.
+    patches : (int, int)
+        Maps in a row along the flow, and side by side.
+    isotropic : bool
+        Whether both numbers of a quadrant are drawn for both directions.
+    """
+    value, (n, m) = float(whole[0]), patches
+    found = conductance_of(quadrants[:, np.newaxis], (2 * n, 2 * m), isotropic=isotropic)
+    if value == 0.0 or found.value == 0.0:
+        return Estimate(value, 0.0, found.high)
+    return Estimate(value, value * found.low / found.value, value * found.high / found.value)
+
+
 def closing_of(values: Array, patches: tuple[int, int], *, isotropic: bool) -> Estimate:
     """Return the load at which a seal closes, from those of its patches; arguments as for `conductance_of`."""
     return _estimate(values, patches, isotropic, sheet.closing, np.max, DRAWS)
@@ -308,9 +329,7 @@ def leak_of(
     turned = ", each as it lies and turned" if isotropic else "; x and y differ"
     words = [f"{DRAWS} sheets of {n} × {m} patches, drawn from {len(maps)} surfaces{turned}"]
     if quadrants is not None:
-        inside = conductance_of(quadrants[:, None], (2 * n, 2 * m), isotropic=isotropic)
-        low, high = (found.value * end / inside.value if inside.value else end for end in (inside.low, inside.high))
-        found = Estimate(found.value, low, high if found.value else inside.high)
+        found = of_one_map(maps[0], quadrants, (n, m), isotropic=isotropic)
         words = [
             f"the map repeated, {n} × {m} times; its interval is that of its quadrants",
             f"waves longer than a quadrant of the map are missing: {number(max(patch.sides) / 2)} {patch.unit or ''}",

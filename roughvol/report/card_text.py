@@ -27,7 +27,7 @@ LEAST, MOST = 0.1, 1000.0  # amounts that a person reads
 DIGITS = 16  # of a sha256 that are shown
 WHOLE = ("", "x/L_x 0 to 1, y/L_y 0 to 1")  # regions that leave nothing out
 SAME = 1e-3  # relative difference of loads that are shown as the same
-NOT_OF_A_CARD = ("File", "States", "Comment")  # facts of a run that a card leaves out, or has elsewhere
+NOT_OF_A_CARD = ("File", "States", "Comment", "Seal")  # facts of a run that a card leaves out, or has elsewhere
 FLUID = ("Leak rate", "Fluid pressure", "Gas")  # facts of the flow, which a terminal shows too
 OF_EACH = ("Nodes", "Size", "Treatment", "Missing heights")  # facts of several files that stand beside each other
 

@@ -265,7 +265,14 @@ def _pressed(study: Study, region: str) -> list[tuple[str, str]]:
         ("Sweep", legs if sweep.steps else "none, surfaces alone"),
         ("Solver", solver),
         ("Region observed", region if study.record.region is not None else ""),
+        ("Seal", _seal(study)),
     ]
+
+
+def _seal(study: Study) -> str:
+    """Return the seal of a study in words; empty without one."""
+    seal = study.seal
+    return "" if seal is None else f"{seal.label}, flow along {seal.flow}; leaks here are those of the patch"
 
 
 # states

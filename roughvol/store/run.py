@@ -146,7 +146,19 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
         given = study_of(run, changes)[0]
     call = shlex.join([str(run), *(word for change in changes for word in ("--set", change))])
     _check(file, results, given, str(run), call)
+    if given is not None:
+        _set_seal(results, given)
     return file, results, given
+
+
+def _set_seal(results: Dataset, given: Study) -> None:
+    """Give results the seal of the study that they were opened by: no stored number depends on it."""
+    if not (text := str(results.attrs.get("study", ""))):
+        return
+    stored = loads(text, stored=True)
+    if stored.seal != given.seal:
+        seal = None if given.seal is None else given.seal.model_dump(mode="json")
+        results.attrs["study"] = stored.changed(seal=seal).stored()
 
 
 def with_results(folder: Path = RUNS) -> list[Path]:

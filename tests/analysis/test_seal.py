@@ -268,6 +268,10 @@ def test_read_offs_and_creep_are_those_of_the_seal() -> None:
     assert np.all((ratio > 30.0) & (ratio < 120.0))
     said = CliRunner().invoke(main, ["ask", "joint", "--leak-rate", "6e-6 mm^3/s"], catch_exceptions=False).stdout
     assert "The leak is that of the seal of 120 mm by 2 mm along x, 4 × 240 patches." in said
+    wider = CliRunner().invoke(
+        main, ["ask", "joint", "--leak-rate", "3e-6 mm^3/s", "--set", "seal.width=4 mm", "--json"]
+    )
+    assert json.loads(wider.stdout)["answers"][0]["value"] == pytest.approx(whole.value, rel=0.02)
     drawn = CliRunner().invoke(
         main, ["creep", "joint", "--law", "law.yaml", "--at", options["at"], "--times", "1 s, 1 min", "--json"]
     )

@@ -1,25 +1,37 @@
 """Seals whose leak is known: windows of periodic joints as scans, the joint as the seal.
 
     python -m tests.bench.seals --joints 30 --kept runs/seals.jsonl
+    python -m tests.bench.seals --joints 10 --closings --kept runs/seals-closing.jsonl
+    python -m tests.bench.seals --roll-off
+    python -m tests.bench.seals --known
+    python -m tests.bench.seals --long
 
-A joint of 512² elements is the truth: the flow through one period, along x or y. Three windows of 129² elements of it,
-levelled and mirrored at their sides, are the scans, pressed at the same nominal pressure. `Patches` of the six
-conductances give the seal of 4 × 4 patches. Printed are the ratio of its leak to that of the joint, and how often the
-joint lies in the interval. Solved joints are kept in a file, a line each.
+A joint of 512² elements is the truth: the flow through one period along x or y. Three windows of 129² elements of it,
+levelled and mirrored at their sides, are the scans, pressed to the same nominal pressure. The seal is 4 × 4 patches.
+Printed are the ratio of its leak to that of the joint, and how often the joint lies in the interval. Solved joints are
+kept in a file, a line each, and not solved again.
 """
 
 from __future__ import annotations
 
+import argparse
+import json
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import optimize
 
+from roughvol.analysis import seal
+from roughvol.analysis.seal import Estimate
 from roughvol.contact import HalfSpace, first_indentation, indentation_for, solve
 from roughvol.contact.state import Contact
+from roughvol.gap import sheet
 from roughvol.gap.clusters import percolates
 from roughvol.gap.transport import conduction
-from roughvol.surfaces import Spectrum, Surface, power_law_surface
+from roughvol.surfaces import Spectrum, Surface, power_law_surface, random_midpoint_displacement
 from roughvol.surfaces.treatment import level
 
 NODES, WINDOW, SCANS = 512, 129, 3
@@ -105,8 +117,8 @@ def closing(surface: Surface, half_space: HalfSpace, axis: int) -> float:
     return solve(surface, half_space, there, rtol=RTOL).mean_pressure * surface.Sq / surface.side
 
 
-def solved(kind: Kind, seed: int) -> dict[str, Any]:
-    """Return conductances and closing loads of a joint and its windows."""
+def solved(kind: Kind, seed: int, *, closings: bool) -> dict[str, Any]:
+    """Return conductances of a joint and its windows, and their closing loads where they are asked for."""
     joint, scans = joint_of(kind, seed)
     spaces = [HalfSpace(one.shape, sides=one.sides) for one in (joint, scans[0])]
     hard = [
@@ -129,9 +141,163 @@ def solved(kind: Kind, seed: int) -> dict[str, Any]:
                 "quadrants": [quadrants(c.gap(), s.Sq) for c, s in zip(there_too, scans, strict=True)],
             }
         )
-    closings = (
-        [[]]
-        if kind.hardness is not None
-        else [[closing(one, spaces[k > 0], axis) for axis in (0, 1)] for k, one in enumerate([joint, *scans])]
+    loads: list[list[float]] = [[]]
+    if closings and kind.hardness is None:
+        loads = [[closing(one, spaces[k > 0], axis) for axis in (0, 1)] for k, one in enumerate([joint, *scans])]
+    return {"kind": list(kind), "seed": seed, "states": states, "joint": loads[0], "scans": loads[1:]}
+
+
+def kept(file: Path, joints: int, *, closings: bool) -> list[dict[str, Any]]:
+    """Return solved joints, those of a file first; a joint that is solved is added to the file."""
+    lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
+    found = [json.loads(line) for line in lines]
+    for seed in range(len(found), joints):
+        found.append(solved(KINDS[seed % len(KINDS)], seed, closings=closings))
+        with file.open("a", encoding="utf-8") as stream:
+            stream.write(json.dumps(found[-1]) + "\n")
+    return found[:joints]
+
+
+class Trial(NamedTuple):
+    """A seal with known number: kind, load, true number, estimate, and whether its scans have a roll-off."""
+
+    kind: Kind
+    load: int
+    truth: float
+    estimate: Estimate
+    representative: bool
+
+    @property
+    def inside(self) -> bool:
+        """Whether the truth lies in the interval."""
+        return self.estimate.low <= self.truth <= self.estimate.high
+
+
+def trials(row: dict[str, Any]) -> Iterator[tuple[str, Trial]]:
+    """Yield the trials of a solved joint along x and y: leaks of three scans, of the first scan, and closing loads."""
+    kind = Kind(*row["kind"])
+    scans = joint_of(kind, row["seed"])[1]
+    known, known_alone = seal.is_representative(scans), seal.is_representative(scans[:1])
+    of_scans = np.array([state["scans"] for state in row["states"]])
+    isotropic = seal.is_isotropic(list(of_scans.swapaxes(0, 1)))
+    for load, state in enumerate(row["states"]):
+        for axis, turn in ((0, 1), (1, -1)):
+            values, quarters = np.array(state["scans"])[:, ::turn], np.array(state["quadrants"])[0, :, ::turn]
+            truth = state["joint"][axis]
+            found = seal.conductance_of(values[:, np.newaxis], (4, 4), isotropic=isotropic)
+            yield "three scans", Trial(kind, load, truth, found, known)
+            alike = seal.is_isotropic(list(quarters[:, np.newaxis]))
+            alone = seal.of_one_map(values[0], quarters, (4, 4), isotropic=alike)
+            yield "one scan", Trial(kind, load, truth, alone, known_alone)
+    for axis, turn in ((0, 1), (1, -1)) if row["joint"] else ():
+        loads = np.array(row["scans"])[:, np.newaxis, ::turn]
+        found = seal.closing_of(loads, (4, 4), isotropic=isotropic)
+        yield "closing load", Trial(kind, 0, row["joint"][axis], found, known)
+
+
+def line(name: str, some: Sequence[Trial]) -> str:
+    """Return numbers of trials: those with an interval, truths inside, ratio to the truth, factor of the interval."""
+    sure = [one for one in some if one.representative]
+    logs = [math.log(one.estimate.value / one.truth) for one in sure if min(one.truth, one.estimate.value) > 0.0]
+    if not logs:
+        return f"| {name} | {len(some)} | 0 | | | | |"
+    closed = sum(one.estimate.value == 0.0 or one.truth == 0.0 for one in sure)
+    factors = [one.estimate.high / one.estimate.value for one in sure if one.estimate.low > 0.0] or [math.nan]
+    error = np.std(logs, ddof=1) / math.sqrt(len(logs)) if len(logs) > 1 else math.nan
+    ratios = f"{np.exp(np.mean(logs)):.2f} ×÷ {np.exp(error):.2f} | {np.exp(np.median(logs)):.2f}"
+    inside = f"{sum(one.inside for one in sure)}"
+    return f"| {name} | {len(some)} | {len(sure)} | {inside} | {ratios} | {np.median(factors):.2g} | {closed} |"
+
+
+def report(joints: list[dict[str, Any]]) -> None:
+    """Print a table of each sort of trials."""
+    every = [pair for row in joints for pair in trials(row)]
+    for sort in dict.fromkeys(name for name, _ in every):
+        print(f"\n{sort}: trials, with an interval, truth inside, ratio (mean of logarithms, median), factor, closed")
+        some = [trial for name, trial in every if name == sort]
+        for load in sorted({one.load for one in some}):
+            print(line(f"load {load + 1}", [one for one in some if one.load == load]))
+        for kind in KINDS:
+            print(
+                line(
+                    ", ".join(f"{value:g}" for value in kind if value is not None), [t for t in some if t.kind == kind]
+                )
+            )
+        print(line("all", some))
+
+
+def roll_offs(triples: int = 40) -> None:
+    """Print how often three maps of 129² are found to have a roll-off."""
+    for D in (2.1, 2.3, 2.5, 2.7, 2.9):
+        maps = [random_midpoint_displacement(D, 7, seed=seed) for seed in range(3 * triples)]
+        print(f"midpoint D = {D}: {_share(maps)}")
+    for anisotropy, waves in ((1.0, 2.0), (1.0, 4.0), (1.0, 8.0), (3.0, 4.0), (3.0, 8.0), (3.0, 16.0)):
+        spectrum = Spectrum(rolloff=2.0 * waves, cut=64.0, anisotropy=anisotropy)
+        maps = []
+        for seed in range(3 * triples):
+            z = power_law_surface(spectrum, 0.8, 256, seed=seed).heights[:WINDOW, :WINDOW]
+            maps.append(Surface(level(z, "tilt"), 1.0))
+        print(f"H = 0.8, {anisotropy:g} : 1, L/λ_r = {waves:g} along y: {_share(maps)}")
+
+
+def _share(maps: list[Surface]) -> str:
+    triples = [seal.is_representative(maps[k : k + 3]) for k in range(0, len(maps), 3)]
+    return (
+        f"{sum(triples)} of {len(triples)} triples, {sum(seal.is_representative([one]) for one in maps)} of {len(maps)}"
     )
-    return {"kind": list(kind), "seed": seed, "states": states, "joint": closings[0], "scans": closings[1:]}
+
+
+def known(seals: int = 20) -> None:
+    """Print the flow through the sheet of 16 known patches over that through their gap as a whole."""
+    from tests.analysis.test_seal import assembled
+
+    for height in (1.0, 0.4):
+        pairs = [assembled(height, seed) for seed in range(seals)]
+        logs = np.sort([math.log(network / whole) for whole, network in pairs])
+        ends = np.exp(np.quantile(logs, [0.0, 0.16, 0.5, 0.84, 1.0]))
+        print(f"height {height}: least, 16 %, median, 84 %, largest: {', '.join(f'{one:.2f}' for one in ends)}")
+
+
+def long(draws: int = 200) -> None:
+    """Print the conductance of cut pieces and of rings over that of whole sheets of 8 times as many columns."""
+    rng = np.random.default_rng(0)
+    for scatter in (0.5, 1.5):
+        for n in (2, 4, 8, 16):
+
+            def mean(m: int, count: int, *, ring: bool, n: int = n, scatter: float = scatter) -> tuple[float, float]:
+                found = [
+                    sheet.conductance(
+                        rng.lognormal(0.0, scatter, (n, m)), rng.lognormal(0.0, scatter, (n - 1, m)), ring=ring
+                    )
+                    for _ in range(count)
+                ]
+                return float(np.mean(found)), float(np.std(found) / math.sqrt(count))
+
+            whole = mean(512, draws // 8, ring=False)
+            words = [
+                f"{name} {m}: {value / whole[0]:.3f} ± {math.hypot(error, whole[1]) / whole[0]:.3f}"
+                for name, m, ring in (("cut", 64, False), ("ring", 64, True), ("cut", n, False))
+                for value, error in [mean(m, draws * 64 // max(m, 16), ring=ring)]
+            ]
+            print(f"scatter {scatter} of logarithms, {n} in a row: {'; '.join(words)}")
+
+
+def main() -> None:
+    """Print what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--joints", type=int, default=0)
+    parser.add_argument("--kept", type=Path, default=Path("runs/seals.jsonl"))
+    parser.add_argument("--closings", action="store_true")
+    for name in ("roll-off", "known", "long"):
+        parser.add_argument(f"--{name}", action="store_true")
+    args = parser.parse_args()
+    if args.joints:
+        args.kept.parent.mkdir(parents=True, exist_ok=True)
+        report(kept(args.kept, args.joints, closings=args.closings))
+    for wanted, function in ((args.roll_off, roll_offs), (args.known, known), (args.long, long)):
+        if wanted:
+            function()
+
+
+if __name__ == "__main__":
+    main()

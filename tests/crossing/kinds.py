@@ -34,6 +34,10 @@ class Kind:
         Keys with a list, which are dimensions of study.nc.
     ends : str
         The load at which the sweep ends by definition, where no number of the last step has exactly this value.
+    axes : str
+        Axes of read-offs: of a seal that of its flow.
+    squares : float
+        Length over width of a seal; 1 without a seal.
     beside : (str, str)
         The kind to compare with, and the load of the comparison.
     files : callable, optional
@@ -49,6 +53,8 @@ class Kind:
     modulus: float | Mapping[object, float] = 10.0
     lists: tuple[str, ...] = ()
     ends: str = ""
+    axes: str = "xy"
+    squares: float = 1.0
     beside: tuple[str, str] = ("one", "pressure=0.05 MPa")
     files: Callable[[Path], None] | None = field(default=None)
     afterwards: Callable[[Path], None] | None = field(default=None)

@@ -15,8 +15,8 @@ from tests.crossing.questions import QUESTIONS
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "crossing.md"
 UNITS = (
-    "one seeds m files bodies spectrum materials regions legs one-way coupled gas lifted-gas region mirrored periodic "
-    "closed some-closed percolation to-pressure to-area force nominal gap records"
+    "one seeds sealed m files bodies spectrum materials regions legs one-way coupled gas lifted-gas region mirrored "
+    "periodic closed some-closed percolation to-pressure to-area force nominal gap records"
 )
 PRESSED = f"{UNITS} D ensemble mean-plane"
 UNPRESSED = {"unpressed": "nothing was pressed"}
@@ -36,7 +36,7 @@ class Cells:
 
 NO_LEAK = dict.fromkeys(("D", "ensemble", "mean-plane", "unpressed"), "which the study did not record")
 PRESSED_AGAIN = (
-    "one bodies spectrum materials regions legs one-way coupled gas lifted-gas region mirrored periodic closed "
+    "one sealed bodies spectrum materials regions legs one-way coupled gas lifted-gas region mirrored periodic closed "
     "some-closed percolation mean-plane to-pressure to-area force nominal gap records unpressed study-changed "
     "file-changed"
 )
@@ -48,8 +48,8 @@ ONE_MAP = {
     "ensemble": "unexpected keyword argument 'ensemble'",
 }
 ONE_KIND = (
-    "one seeds files bodies spectrum gas region mirrored periodic closed some-closed percolation to-pressure to-area "
-    "force nominal gap records"
+    "one seeds sealed files bodies spectrum gas region mirrored periodic closed some-closed percolation to-pressure "
+    "to-area force nominal gap records"
 )
 SEVERAL = {
     "m": "the run has several m",
