@@ -265,11 +265,11 @@ def _tight_above(one: SealLeak) -> str:
     """Return the load that closes a seal in words."""
     if not math.isfinite(one.closing):
         return "the load that closes it is not known"
-    load, *ends = (f"{number(value)} {one.load_unit}".strip() for value in (one.closing, *one.closing_interval))
-    name = "" if one.load_unit else "p* = "
+    unit, name = (f" {one.load_unit}", "") if one.load_unit else ("", "p* = ")
     if not all(map(math.isfinite, one.closing_interval)):
-        return f"tight above {name}{load}, with an unknown interval"
-    return f"tight above {name}{load}, between {ends[0].removesuffix(one.load_unit).strip()} and {ends[1]}"
+        return f"tight above {name}{number(one.closing)}{unit}, with an unknown interval"
+    load, low, high = (rounded(value, *one.closing_interval) for value in (one.closing, *one.closing_interval))
+    return f"tight above {name}{load}{unit}, between {low} and {high}{unit}"
 
 
 def patch(card: Card) -> str:
