@@ -88,6 +88,22 @@ def test_mistakes_are_one_message_and_exit_code_two(arguments: list[str], words:
     assert "Traceback" not in told.output
 
 
+def test_a_closing_with_a_budget_is_solved_and_has_the_interval_of_the_card(scan: Path) -> None:
+    assert call("run", "scan.yaml", "--jobs", "1").exit_code == 0
+    (bracket, found) = (
+        json.loads(call("ask", "scan", "--closed", "--json", *more).output)["answers"] for more in ((), ("--budget",))
+    )
+    card = json.loads(call("card", "scan", "--json").output)
+    for steps, answer, way in zip(bracket, found, card["ways"], strict=True):
+        assert answer["value"] == pytest.approx(way["closing_pressure"], rel=1e-9)
+        low, high = steps["interval"]
+        assert low <= answer["value"]
+        assert high is None or answer["value"] <= high  # a sweep that ends before this way closes
+        assert way["closing_pressure_interval"] is not None
+        assert answer["interval"] == pytest.approx(way["closing_pressure_interval"], rel=1e-9)
+        assert answer["errors"][1:] == ["solver", "grid", "window", "levelling"]
+
+
 GAS = """
 name: gas
 surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.4 um, seeds: 1}

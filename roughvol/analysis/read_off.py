@@ -84,10 +84,11 @@ def errors_of(card: Card, axis: str) -> Errors:
     if card.seal is not None:
         seal = card.seal
         solved = (Span(seal.closing, seal.closing),) if math.isfinite(seal.closing) else ()
-        factors = _factors(seal.leak, seal.interval), (), _factors(seal.closing, seal.closing_interval)
-        return Errors(seal.parts, *factors, solved)
+        closing = _factors(seal.closing, seal.closing_interval)
+        return Errors(seal.parts, _factors(seal.leak, seal.interval), (), closing, solved)
     (way,) = (way for way in card.ways if way.axis == axis)
-    return Errors(way.parts, _factors(way.leak.value, way.interval), (), (math.nan, math.nan), way.closing.spans)
+    closes, leak = way.closing, _factors(way.leak.value, way.interval)
+    return Errors(way.parts, leak, closes.parts, _factors(closes.value, closes.interval), closes.spans)
 
 
 def _factors(value: float, ends: tuple[float, float]) -> tuple[float, float]:

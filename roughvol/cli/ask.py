@@ -110,7 +110,7 @@ def _of_budget(answer: Answer) -> str:
     from roughvol.analysis.tables import number
 
     parts = sorted(read_off.parts_of(answer), key=lambda part: -part.factor if part.known else -math.inf)
-    factors = ", ".join(f"{part.name} {f'×÷ {number(part.factor, 3)}' if part.known else 'unknown'}" for part in parts)
+    factors = ", ".join(f"{part.name} {f'× {number(part.factor, 3)}' if part.known else 'unknown'}" for part in parts)
     of = "closing load" if answer.nominal.closing else "leak"
     return f"errors of the {of}: {factors}; {NARROWS[parts[0].name]}" if parts else f"errors of the {of}: unknown"
 

@@ -61,11 +61,12 @@ def document(page: Page) -> Document:
         Drawing(panel.name, panel.caption, "", leak_card.drawing_of(card, panel)) for panel in leak_card.panels(card)
     )
     answers = tuple((f"Along {way.axis}", card_text.answer(card, way)) for way in card.ways)
-    seal = (card_text.seal(card),) if card.seal is not None else ()
+    if card.seal is not None:
+        answers = (("The seal", card_text.seal(card.seal)), *answers)
     limits = Section(kind="warnings", items=tuple(exceeded)) if exceeded else Section(notes=(NONE_EXCEEDED,))
     held = (Section(kind="kept", under="Kept:", items=tuple(kept)),) if kept else ()
     parts = [
-        Section(kind="answer", notes=(*seal, f"At {card_text.load_of(card)}."), facts=answers),
+        Section(kind="answer", notes=(f"At {card_text.load_of(card)}.",), facts=answers),
         Section(kind="card", notes=(card_text.patch(card),), drawings=drawn),
         Section(kind="pair", sections=tuple(_way(card, way) for way in card.ways)),
         *([_seal(card.seal)] if card.seal is not None else []),
@@ -87,7 +88,7 @@ def _way(card: Card, way: Way) -> Section:
 
 def _seal(seal: SealLeak) -> Section:
     """Return how the leak of a seal was found, and its error."""
-    lines = tuple(line[:1].upper() + line[1:] + "." for line in seal.words)
+    lines = tuple(card_text.micro(f"{line[:1].upper()}{line[1:]}.") for line in seal.words)
     rows = tuple((name, factor.replace(" ", NARROW), words) for name, factor, words in card_text.budget(seal))
     return Section(f"The seal of {seal.label}", notes=lines, tables=(Table("", card_text.HEAD, rows),))
 
@@ -104,8 +105,8 @@ def brief(page: Page) -> Section:
     facts = (*surfaces, *card_text.load_facts(card), *(fact for fact in found if fact[0] in card_text.FLUID))
     ways = (replace(_way(card, way), title=f"along {way.axis}: {card_text.answer(card, way)}") for way in card.ways)
     warnings = tuple(f"warning: {line}" for line in exceeded)
-    seal = (replace(_seal(card.seal), title=card_text.seal(card)),) if card.seal is not None else ()
-    return Section(facts=facts, sections=(*ways, *seal, Section(notes=(card_text.patch(card),), items=warnings)))
+    seal = (replace(_seal(card.seal), title=f"The seal {card_text.seal(card.seal)}"),) if card.seal is not None else ()
+    return Section(facts=facts, sections=(*seal, *ways, Section(notes=(card_text.patch(card),), items=warnings)))
 
 
 def table_of(pages: Sequence[Page]) -> Table:
@@ -118,8 +119,16 @@ def table_of(pages: Sequence[Page]) -> Table:
         row = [card.title, str(len(card.surfaces)), card_text.load_of(card)]
         for way in card.ways:
             row += [card_text.short(way.leak.value), card_text.factor(way.factor, way.smaller), way.closing.short]
+        if (seal := card.seal) is not None:
+            tight = card_text.short(seal.closing)
+            row += [
+                card_text.short(seal.leak),
+                card_text.factor(seal.factor, seal.smaller),
+                f"{tight} {seal.load_unit}",
+            ]
         rows.append(tuple(row))
-    heads = (head for way in ways for head in (f"leak {way.axis}{unit}", "error", f"{way.axis} closes"))
+    heads = [head for way in ways for head in (f"leak {way.axis}{unit}", "error", f"{way.axis} closes")]
+    heads += [f"leak of the seal{unit}", "error", "seal closes"] if pages[0].card.seal is not None else []
     note = "The leak of several surfaces is their median."
     return Table("Cards", ("card", "surfaces", "load", *heads), tuple(rows), note)
 

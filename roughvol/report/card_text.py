@@ -116,19 +116,28 @@ def _counts(way: Way) -> str:
 
 
 def _unknown(way: Way) -> str:
-    """Return the parts of the error that are not known; a closed way is certified to be closed on its grid."""
-    unknown = [part.name for part in way.parts if not part.known and (way.leak.value > 0.0 or part.name != "solver")]
+    """Return the parts of the error of a leak that are not known; those of a closed way are of its closing load."""
+    unknown = [part.name for part in way.parts if not part.known and way.leak.value > 0.0]
     return f"its error is not known ({', '.join(unknown)})" if unknown else ""
 
 
 def tight(way: Way) -> str:
-    """Return where a way closes in few words."""
+    """Return the load above which a way is tight, as ``tight above 0.41 MPa, between 0.33 and 0.55``."""
     closing = way.closing
-    if not closing.spans:
-        return ""
-    if not closing.closed:
-        return closing.words
-    return f"tight {closing.words}" if len(closing.spans) == 1 else f"tight from {closing.short}"
+    if not closing.closed or not math.isfinite(closing.value):  # not followed, or surfaces that stay open
+        return closing.words if closing.spans else ""
+    unknown = ", ".join(part.name for part in closing.parts if not part.known)
+    mean = " in the mean" if len(closing.spans) > 1 else ""
+    return _tight_above(closing.value, closing.interval, closing.unit, mean, f"({unknown})" if unknown else "")
+
+
+def _tight_above(load: float, ends: tuple[float, float], unit: str, mean: str = "", unknown: str = "") -> str:
+    """Return a load that closes with its interval; digits follow the interval."""
+    name, unit = ("", f" {unit}") if unit else ("p* = ", "")
+    if not all(map(math.isfinite, ends)):
+        return f"tight above {name}{number(load, 2)}{unit}{mean}, its error is not known {unknown}".rstrip()
+    value, low, high = (rounded(one, *ends) for one in (load, *ends))
+    return f"tight above {name}{value}{unit}{mean}, between {low} and {high}"
 
 
 def details(way: Way) -> list[str]:
@@ -240,36 +249,31 @@ def load_facts(card: Card) -> Iterator[tuple[str, str]]:
         yield f"{beside.words[:1].upper()}{beside.words[1:]}", f"{median}{axes} {unit_text(beside.unit)}".strip()
 
 
+def micro(text: str) -> str:
+    """Return a text with µm in the place of um."""
+    return re.sub(r"\bum\b", "µm", text)
+
+
 def _words(load: str) -> str:
     """Return the label of a load in words."""
     return load.replace("last", "the end of the sweep", 1).replace("the end of the sweep, leg", "the end of leg", 1)
 
 
-def seal(card: Card) -> str:
-    """Return the leak of the seal and the load that closes it, in a sentence; empty without a seal."""
-    one = card.seal
-    if one is None:
-        return ""
+def seal(one: SealLeak) -> str:
+    """Return a seal, its leak and the load that closes it, in words that follow "the seal"."""
+    most = one.interval[1]
     if not math.isfinite(one.leak):
         leaks = "has no known leak: no surface is pressed to this load"
     elif one.leak > 0.0:
         leaks = f"leaks {amount(one.leak, one.unit, one.interval)}"
     else:
-        most = one.interval[1]
-        leaks = "is closed" + (f", and leaks at most {amount(most, one.unit)}" if math.isfinite(most) else "")
-    unknown = "" if all(map(math.isfinite, one.interval)) else "; its interval is not known"
-    return f"The seal of {one.label} {leaks}{unknown}; {_tight_above(one)}."
-
-
-def _tight_above(one: SealLeak) -> str:
-    """Return the load that closes a seal in words."""
-    if not math.isfinite(one.closing):
-        return "the load that closes it is not known"
-    unit, name = (f" {one.load_unit}", "") if one.load_unit else ("", "p* = ")
-    if not all(map(math.isfinite, one.closing_interval)):
-        return f"tight above {name}{number(one.closing)}{unit}, with an unknown interval"
-    load, low, high = (rounded(value, *one.closing_interval) for value in (one.closing, *one.closing_interval))
-    return f"tight above {name}{load}{unit}, between {low} and {high}{unit}"
+        bounded = math.isfinite(most) and most > 0.0
+        leaks = "is closed" + (f", and leaks at most {amount(most, one.unit)}" if bounded else "")
+    unknown = "" if all(map(math.isfinite, one.interval)) else "; its error is not known"
+    closing = "the load that closes it is not known"
+    if math.isfinite(one.closing):
+        closing = _tight_above(one.closing, one.closing_interval, one.load_unit)
+    return f"of {one.label} {leaks}{unknown}; {closing}"
 
 
 def patch(card: Card) -> str:
@@ -303,7 +307,7 @@ def rests_on(fine: Sequence[Dataset]) -> tuple[list[tuple[str, str]], list[str],
         own = facts(run)
         for name, value in (*own.surface, *_material(run), *own.loading):
             if name not in NOT_OF_A_CARD:
-                words = re.sub(r"\bum\b", "µm", value.replace(own.title, "the file"))
+                words = micro(value.replace(own.title, "the file"))
                 found.setdefault(name, {})[words] = None
         label = f"{own.title}: " if len(fine) > 1 else ""
         exceeded += [f"{label}{line}" for line in own.warnings]

@@ -209,8 +209,8 @@ def test_the_card_of_a_seal(cards: roughvol.questions.Cards) -> None:
     assert plain["leak_interval"][0] < plain["leak"] < plain["leak_interval"][1]
     assert plain["tight_above_interval"][0] < plain["tight_above"] < plain["tight_above_interval"][1]
     assert {part.name for part in found.parts} >= {"solver", "grid", "window"}
-    assert card_text.seal(card).startswith("The seal of 120 mm by 2 mm leaks ")
-    assert "tight above 0.1" in card_text.seal(card)
+    assert card_text.seal(card.seal).startswith("of 120 mm by 2 mm leaks ")
+    assert "tight above 0.1" in card_text.seal(card.seal)
 
 
 def test_the_same_seal_of_patches_in_another_direction(tmp_path: Path) -> None:
