@@ -104,6 +104,8 @@ def _each(schema: Any, models: Any) -> Iterator[str]:
         parts = [_values(inner, models) for inner in schema.get("prefixItems", ())]
         items = schema.get("items")
         yield f"[{', '.join(parts)}]" if parts else f"a list of {_values(items, models)}" if items else "a list"
+    elif schema.get("type") == "object":
+        yield "a mapping"
     elif schema.get("type") == "boolean":
         yield "true or false"
     elif schema.get("type") in ("number", "integer"):

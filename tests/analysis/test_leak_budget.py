@@ -568,6 +568,6 @@ def test_files_of_different_sq_are_each_at_the_load_with_a_card_of_all(tmp_path:
     card = card_of(runs, "three", "pressure=0.01 MPa")
     assert [one.name for one in card.surfaces] == list(surfaces)
     assert_allclose([one.Sq for one in card.surfaces], [0.3, 0.4, 0.6], rtol=1e-6)
-    assert_allclose([one.nominal_pressure for one in card.surfaces], 0.01, rtol=1e-5)
+    assert_allclose([one.nominal_pressure for one in card.surfaces], 0.01, rtol=1e-4)  # that of its solver
     single = [card_of([one], "one", "").ways[0].leak.value for one in runs]
     assert_allclose(card.ways[0].leak.value, np.median(single), rtol=1e-12)
