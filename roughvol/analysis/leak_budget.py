@@ -279,15 +279,15 @@ def _seal(fine: Sequence[_Loaded], ways: Sequence[Way]) -> SealLeak | None:
     shared = [part for part in flow.parts if part.name != "window"] if flow.leak.value > 0.0 else []
     heights = [surface for one in fine if (surface := seal.surface_of(one.fields)) is not None]
     representative = bool(heights) and seal.is_representative(heights)
-    closings = [[one.closing(axis).spans for axis in patch.axes] for one in fine]
-    closing = seal.Estimate(math.nan, math.nan, math.nan)
-    if not is_lifted(fine[0].table) and all(len(found) == 1 and found[0].closes for row in closings for found in row):
-        loads = np.array([[[found[0].middle for found in row]] for row in closings])
+    closing, of_load = seal.Estimate(math.nan, math.nan, math.nan), tuple[Part, ...]()
+    loads = np.array([[[one.closing(axis).value for axis in patch.axes]] for one in fine])
+    if not is_lifted(fine[0].table) and (loads > 0.0).all():
         closing = seal.closing_of(loads, patch.patches, isotropic=isotropic and len(fine) > 1)
-        common = [part for part in flow.closing.parts if part.name != "window" or len(fine) == 1]
+        of_load = tuple(part for part in flow.closing.parts if part.name != "window" or len(fine) == 1)
         closing = seal.Estimate(*[closing.value] * 3) if len(fine) == 1 else closing
-        smaller, larger = together(common)
-        closing = closing.with_factor(larger, smaller)
+        smaller, larger = together(of_load)
+        of_load += (seal.window_of(closing, f"{len(fine)} surfaces"),) if len(fine) > 1 else ()
+        closing = closing.with_factor(larger if representative else math.nan, smaller)
     leak, parts, words = seal.leak_of(
         patch,
         maps,
@@ -311,6 +311,7 @@ def _seal(fine: Sequence[_Loaded], ways: Sequence[Way]) -> SealLeak | None:
         closing_interval=(closing.low, closing.high),
         load_unit=flow.closing.unit,
         words=words,
+        closing_parts=of_load,
     )
 
 

@@ -306,6 +306,8 @@ class SealLeak:
         Unit of nominal pressure; empty for p*.
     words : tuple of str
         How it was found, and what is missing.
+    closing_parts : tuple of Part
+        Error budget of `closing`.
     """
 
     label: str
@@ -319,6 +321,7 @@ class SealLeak:
     closing_interval: tuple[float, float]
     load_unit: str
     words: tuple[str, ...]
+    closing_parts: tuple[Part, ...] = ()
 
     @property
     def factor(self) -> float:

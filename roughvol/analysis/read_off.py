@@ -85,7 +85,7 @@ def errors_of(card: Card, axis: str) -> Errors:
         seal = card.seal
         solved = (Span(seal.closing, seal.closing),) if math.isfinite(seal.closing) else ()
         closing = _factors(seal.closing, seal.closing_interval)
-        return Errors(seal.parts, _factors(seal.leak, seal.interval), (), closing, solved)
+        return Errors(seal.parts, _factors(seal.leak, seal.interval), seal.closing_parts, closing, solved)
     (way,) = (way for way in card.ways if way.axis == axis)
     closes, leak = way.closing, _factors(way.leak.value, way.interval)
     return Errors(way.parts, leak, closes.parts, _factors(closes.value, closes.interval), closes.spans)

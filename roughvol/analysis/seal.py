@@ -298,6 +298,14 @@ def ratios(surface: Dataset) -> Array:
     return np.asarray(first_leg(surface)[name].transpose(..., "axis").values, dtype=float).reshape(-1, 2)
 
 
+def window_of(found: Estimate, samples: str) -> Part:
+    """Return the part of the error that averages out; not known where a patch is closed or no patch representative."""
+    words = f"95 % of the sheets, and of the mean of {samples}, of logarithms by t"
+    if not found.low > 0.0:
+        return Part("window", math.nan, words)
+    return Part("window", found.high / found.value, words, found.value / found.low)
+
+
 def leak_of(
     patch: Patch,
     maps: Array,
@@ -343,9 +351,8 @@ def leak_of(
     if closed := int((maps[:, :1] == 0.0).sum()):
         words.append(f"{closed} of {len(maps)} patches are closed along the flow")
     smaller, larger = together(shared)
-    window = max(found.high / found.value, found.value / found.low) if found.low > 0.0 else math.nan
     samples = f"{len(maps)} surfaces" if quadrants is None else "4 quadrants"
-    parts = (*shared, Part("window", window, f"95 % of the sheets, and of the mean of {samples}, of logarithms by t"))
+    parts = (*shared, window_of(found, samples))
     found = found.with_factor(larger, smaller) if representative else found
     return found.times(patch.squares), parts, tuple(words)
 
