@@ -247,7 +247,8 @@ def test_a_fluid_pressure_that_differs_from_patch_to_patch_is_refused(tmp_path: 
         roughvol.card(loads(text), AT, out=tmp_path, jobs=1)
 
 
-def test_read_offs_and_creep_are_those_of_the_seal() -> None:
+def test_read_offs_and_creep_are_those_of_the_seal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     Path("joint.yaml").write_text(TEXT)
     ds = roughvol.run("joint.yaml", jobs=1)
     patch = ds.drop_attrs(deep=False).assign_attrs({**ds.attrs, "study": loads(TEXT.partition("seal:")[0]).stored()})
