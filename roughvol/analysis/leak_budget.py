@@ -15,10 +15,11 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 from xarray import Dataset
 
 from roughvol.analysis import seal
@@ -28,7 +29,6 @@ from roughvol.analysis.closing import load_of, spans
 from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.leak import STATE, is_lifted
 from roughvol.analysis.leak_card import Beside, Card, Closing, Part, SealLeak, SurfaceAtLoad, Way, together
-from roughvol.analysis.leak_curve import Curve
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import Patch
 from roughvol.analysis.stored_run import Run
@@ -54,8 +54,11 @@ RISE, FALL = 1.0, 0.12
 ROUGH = (
     0.2  # logarithm of the closing load over that at twice the spacing: from here on the map is rough at its spacing
 )
-FINER = "of surfaces 4 times finer, closing loads were × 0.89 to 2.7 in 95 %"
+OCTAVES = 2.0  # of the spacing down to a quarter: a leak changes at most as much in each as from twice the spacing
+FINER = "of surfaces 4 times finer, closing loads were × 0.89 to 2.7 in 91 %"
 QUADRANTS = 1.2  # quadrants of a map share its long waves: python -m tests.bench.window_coverage
+FAR, LEAST_SLOPE = 20.0, 1e-6  # logarithm of loads before the first state; of a leak over that of the load
+NEARER = 2.0 ** -np.arange(1.0, 31.0)  # distances to the closing load over that of the last state
 NO_COARSER = "no coarser grid has enough nodes for the surface"
 
 
@@ -114,49 +117,36 @@ class _Loaded:
         )
         return Closing(tuple(scaled), "" if unit == "1" else unit)
 
-    def curve(self, axis: str) -> Curve | None:
-        """Return the leak over the load on the first leg, 0 from the closing load on; None without a step.
+    def curve(self, axis: str) -> PchipInterpolator | None:
+        """Return the logarithm of the leak over that of the load on the first leg, see `curve_of`.
 
         Under fluid pressure it is the leak of the dry gap.
         """
-        table, closes = first_leg(self.table).isel(seed=0), self.closing(axis).value
+        table = first_leg(self.table).isel(seed=0)
         dry = "_dry" if is_lifted(self.table) else ""
         if f"transmissivity{dry}" not in table:
             return None
         starred = table[f"transmissivity{dry}"].sel(axis=axis).values * table["free_volume"].values ** 3
         leaks = table[f"{FLOW}{dry}"].sel(axis=axis).values if f"{FLOW}{dry}" in table else starred
         points = dict(zip(table[load_of(table)].values.tolist(), leaks.tolist(), strict=True))
-        if self.leads and not dry and self.state is not None and self.leak(axis) > 0.0:
+        if self.leads and not dry and self.state is not None:
             points[self.number(load_of(table))] = self.leak(axis)
-        points = {p: leak for p, leak in points.items() if p > 0.0 and leak > 0.0 and not p >= closes}
-        points |= {closes: 0.0} if math.isfinite(closes) and points else {}
-        loads = np.array(sorted(points))
-        return Curve("", loads, np.array([points[load] for load in loads]), loads, 1.0) if points else None
+        return curve_of(points, self.closing(axis).value)
 
     def leak_at(self, axis: str, load: float) -> float:
-        """Return the leak at another load, before the first step on the power law of the first two; NaN if unknown."""
+        """Return the leak at another load; NaN if unknown."""
         curve = self.curve(axis)
-        if curve is None or not load > 0.0:
-            return math.nan
-        x, y = np.log(curve.pressure[:2]), np.log(np.maximum(curve.leak[:2], 1e-300))
-        if load >= curve.begins:
-            return float(curve.at(np.array([load])).value[0])
-        if len(x) < 2 or not curve.leak[1] > 0.0:
-            return math.nan
-        return math.exp(y[0] + (y[1] - y[0]) / (x[1] - x[0]) * (math.log(load) - x[0]))
+        if load >= self.closing(axis).value:
+            return 0.0
+        return math.exp(curve(math.log(load))) if curve is not None and load > 0.0 else math.nan
 
     def load_at(self, axis: str, leak: float) -> float:
         """Return the load with another leak, the closing load of none; NaN if unknown."""
         curve = self.curve(axis)
         if curve is None or not leak > 0.0:
             return self.closing(axis).value
-        if leak <= curve.leak[0]:
-            found = curve.load_where(lambda loads: np.full(len(loads), math.log(leak))).value
-            return found if math.isfinite(found) else math.nan
-        x, y = np.log(curve.pressure[:2]), np.log(np.maximum(curve.leak[:2], 1e-300))
-        if len(x) < 2 or not 0.0 < curve.leak[1] < curve.leak[0]:
-            return math.nan
-        return math.exp(x[0] + (x[1] - x[0]) / (y[1] - y[0]) * (math.log(leak) - y[0]))
+        found = curve.solve(math.log(leak), extrapolate=False)
+        return math.exp(found[-1]) if len(found) else self.closing(axis).value
 
     def leak_if(self, axis: str, log: float) -> float:
         """Return the leak of a joint with all loads larger by a factor; NaN where it is not known."""
@@ -172,6 +162,28 @@ class _Loaded:
             _, starred = next(iter(scales(self.run, self.table))).starred(level.kind, level.value)
             return starred * float((self.table[name] / self.table["mean_pressure"]).max())
         return found
+
+
+def curve_of(points: Mapping[float, float], closes: float) -> PchipInterpolator | None:
+    """Return the logarithm of a leak over that of the load, from leaks by load; None from fewer than two open states.
+
+    Before the first state the leak goes with a power of the load. From the last state to the closing load p_c it goes
+    with a power of 1 - p/p_c, of the slope between the last two states. Without a closing load it is NaN there.
+    """
+    known = sorted((p, leak) for p, leak in points.items() if p > 0.0 and leak > 0.0 and not p >= closes)
+    if len(known) < 2:
+        return None
+    loads, leaks = np.array(known).T
+    x, y = np.log(loads), np.log(leaks)
+    slopes = np.minimum(np.diff(y) / np.diff(x), -LEAST_SLOPE)
+    before = np.array([x[0] - FAR]), np.array([y[0] - FAR * slopes[0]])
+    after = np.empty(0), np.empty(0)
+    if math.isfinite(closes):
+        left = 1.0 - loads[-1] / closes
+        power = max(1.0, -slopes[-1] * left / (1.0 - left))
+        after = np.log(closes * (1.0 - left * NEARER)), y[-1] + power * np.log(NEARER)
+    sides = (np.concatenate([one, middle, other]) for one, middle, other in zip(before, (x, y), after, strict=True))
+    return PchipInterpolator(*sides, extrapolate=False)
 
 
 def _loaded(pressed: Pressed) -> Iterator[_Loaded]:
@@ -576,13 +588,13 @@ def _grid(
     finer: Sequence[tuple[float, float]],
     axis: str,
 ) -> Part:
-    """Return the part of the grid of the leak: that of the loads, at most the change from twice the spacing."""
+    """Return the part of the grid of the leak: that of the loads, at most twice the change from twice the spacing."""
     if not coarser:
         return Part("grid", math.nan, NO_COARSER)
     words = ", ".join(f"{words}: {_change(fine, surfaces, axis)}" for words, surfaces in coarser)
     low, high = list[float](), list[float]()
     for (one, other, *_), (fall, rise) in zip(_rows(fine, coarser), finer, strict=True):
-        here, change = one.leak(axis), math.exp(abs(_log_ratio(one, other, axis)))
+        here, change = one.leak(axis), math.exp(OCTAVES * abs(_log_ratio(one, other, axis)))
         low.append(np.nanmax([here / change, one.leak_if(axis, -fall), 0.0]))
         high.append(np.nanmin([here * change, one.leak_if(axis, rise), math.inf]))
     return _of_several("grid", fine, low, high, axis, f"{words}; {_finer_words(finer)}")

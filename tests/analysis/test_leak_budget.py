@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from roughvol.analysis import leak_budget
 from roughvol.analysis.average import Average
 from roughvol.analysis.closing import Span
 from roughvol.analysis.leak_budget import card_of, check_reached
@@ -107,9 +108,9 @@ def _seeds(run: Pressed, seeds: tuple[int, ...]) -> Pressed:
 
 
 def test_the_grid_of_a_median_is_that_of_its_surfaces_together(runs: CardRuns) -> None:
-    """The leak of each surface reaches no farther than its change from twice the spacing."""
+    """The leak of each surface reaches no farther than twice its change from twice the spacing, as a logarithm."""
     fine, twice = (one.dataset.flux_at_leak_rate.sel(axis="y").values.ravel() for one in (runs.fine, runs.coarser[0]))
-    change = np.exp(np.abs(np.log(twice / fine)))
+    change = np.exp(2.0 * np.abs(np.log(twice / fine)))
     part = _part(card_of([runs], "s", "").ways[1], "grid")
     assert 1.0 < part.factor <= np.median(fine * change) / np.median(fine) * (1 + 1e-9)
     assert 1.0 < part.smaller <= np.median(fine) / np.median(fine / change) * (1 + 1e-9)
@@ -559,7 +560,9 @@ def test_files_of_different_sq_are_each_at_the_load_with_a_card_of_all(tmp_path:
     for k, height in enumerate((0.3, 0.4, 0.6)):
         z = random_midpoint_displacement(2.2, 5, seed=k).heights
         np.savetxt(tmp_path / f"face{k}.txt", height * z / z.std(), header="heights in um")
-    text = TEXT.replace("{D: 2.2, m: 7, seeds: 3, L: 200 um, Sq: 0.4 um}", '{files: "face*.txt", L: 200 um}')
+    text = TEXT.replace(
+        "{D: 2.2, m: 7, seeds: 3, L: 200 um, Sq: 0.4 um}", '{files: "face*.txt", L: 200 um, sides: free}'
+    )
     (tmp_path / "s.yaml").write_text(text.replace("1.2", "0.02 MPa"))
     surfaces = card_runs.surfaces_of(load(tmp_path / "s.yaml"))
     assert list(surfaces) == ["face0.txt", "face1.txt", "face2.txt"]
@@ -571,3 +574,34 @@ def test_files_of_different_sq_are_each_at_the_load_with_a_card_of_all(tmp_path:
     assert_allclose([one.nominal_pressure for one in card.surfaces], 0.01, rtol=1e-4)  # that of its solver
     single = [card_of([one], "one", "").ways[0].leak.value for one in runs]
     assert_allclose(card.ways[0].leak.value, np.median(single), rtol=1e-12)
+
+
+# the curve of a leak
+
+
+def test_the_load_of_a_leak_is_the_inverse_of_the_leak_at_a_load(runs: CardRuns) -> None:
+    for one in leak_budget._loaded(runs.fine):
+        for axis in "xy":
+            closes = one.closing(axis).value
+            for share in (0.01, 0.2, 0.5, 0.9):  # before the first step, between steps, and beyond the last
+                leak = one.leak_at(axis, share * closes)
+                assert leak > 0.0
+                assert_allclose(one.load_at(axis, leak), share * closes, rtol=1e-6)
+            assert one.leak_at(axis, closes) == 0.0
+            assert one.load_at(axis, 0.0) == closes
+            assert_allclose(one.leak_if(axis, 0.0), one.leak(axis), rtol=1e-12)
+
+
+def test_the_window_of_a_map_with_a_closed_quadrant_ends_at_its_closing_load(tmp_path: Path) -> None:
+    """A quadrant that is closed, or nearly, counts as the closing load: it does not widen the part without end."""
+    planned = card_runs.plan(loads(TEXT.replace("seeds: 3", "seeds: [1]").replace("m: 7", "m: 6")), Level("last")).fine
+    fine = execution.run(planned.study, jobs=1, out=tmp_path)
+    factors = []
+    for share in (1.0, 1e-60, 0.0):
+        flows = fine["quadrant_flow"].copy()
+        flows[{"quadrant": 0}] *= share
+        way = card_of([CardRuns(Pressed("", fine.assign(quadrant_flow=flows), planned.level))], "", "").ways[0]
+        factors.append(next(part.factor for part in way.closing.parts if part.name == "window"))
+    assert_allclose(factors[1], factors[2], rtol=1e-6)
+    assert 1.0 < factors[0] < math.inf
+    assert factors[2] < math.inf

@@ -1,6 +1,6 @@
 """How often the intervals of a leak card hold leak and closing load of a finer surface: the parts grid and levelling.
 
-    python -m tests.bench.card_coverage --first 0 --surfaces 60
+    python -m tests.bench.card_coverage --first 2000 --surfaces 68
 
 A surface of 257 × 257 elements is the truth. Each fourth height, or means of 4 × 4 heights, are the scan. Seeds below
 `FRESH` were used to set the rules of `roughvol.analysis.leak_budget`, those from `FRESH` on were not. Solved numbers
@@ -19,13 +19,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 from threadpoolctl import threadpool_limits
 
 from roughvol.analysis import leak_budget
 from roughvol.analysis.closing import Span
 from roughvol.analysis.leak_budget import _Loaded
 from roughvol.analysis.leak_card import Closing, together
-from roughvol.analysis.leak_curve import Curve
 from roughvol.analysis.stored_run import Run
 from roughvol.contact import HalfSpace, first_indentation, indentation_for
 from roughvol.contact.loading import Contact, sweep
@@ -34,9 +34,9 @@ from roughvol.store.dataset import Dataset
 from roughvol.study import Level
 from roughvol.surfaces import Spectrum, Surface, power_law_surface, random_midpoint_displacement
 from roughvol.surfaces.treatment import block_means, fill, level
-from roughvol.typing import Array
+from roughvol.typing import Array, Sides
 
-FRESH = 1000
+FRESH = 2000
 COARSER, NODES = 4, 256  # scan over truth, nodes of the truth along a side
 FRACTIONS = (0.25, 0.5, 0.75)  # of the indentation at which the truth closes
 CURVE = np.linspace(0.1, 0.99, 10)  # of that at which the scan closes
@@ -77,7 +77,7 @@ def kind_of(seed: int) -> Kind:
     )
 
 
-def truth_of(kind: Kind, nodes: int = NODES) -> Surface:
+def truth_of(kind: Kind, nodes: int = NODES, sides: Sides = "free") -> Surface:
     """Return the fine surface of a kind, levelled, of side 1 and Sq 0.01."""
     if kind.law == "midpoint":
         heights = random_midpoint_displacement(kind.D, nodes.bit_length() - 1, seed=kind.seed).heights
@@ -91,7 +91,7 @@ def truth_of(kind: Kind, nodes: int = NODES) -> Surface:
         )
         heights = power_law_surface(spectrum, min(3.0 - kind.D, 0.9), nodes, seed=kind.seed).heights
     heights = level(heights, "tilt")
-    return Surface(0.01 * heights / heights.std(), 1.0 / nodes)
+    return Surface(0.01 * heights / heights.std(), 1.0 / nodes, sides=sides)
 
 
 def scan_of(kind: Kind, truth: Surface, coarser: int = COARSER) -> tuple[Array, float]:
@@ -111,10 +111,10 @@ def scan_of(kind: Kind, truth: Surface, coarser: int = COARSER) -> tuple[Array, 
     return heights, side
 
 
-def pressed_of(heights: Array, side: float, downsample: int = 1, degree: str = "tilt") -> Surface:
+def pressed_of(heights: Array, side: float, sides: Sides, downsample: int = 1, degree: str = "tilt") -> Surface:
     """Return a scan as a study presses it."""
     heights = fill(level(block_means(heights, downsample), degree), "interpolate")
-    return Surface(heights, side / (len(heights) - 1))
+    return Surface(heights, side / (len(heights) - 1), sides=sides)
 
 
 def load_of(surface: Surface, contact: Contact) -> float:
@@ -143,7 +143,7 @@ def closings_of(surface: Surface, half_space: HalfSpace) -> tuple[list[float], l
 
 def at_loads(surface: Surface, loads: list[float]) -> Numbers:
     """Return closing loads, and leaks at nominal pressures."""
-    half_space = HalfSpace(surface.shape)
+    half_space = HalfSpace(surface.shape, sides=surface.sides)
     ends, closings = closings_of(surface, half_space)
     unit = surface.Sq / surface.side
     places = [indentation_for(surface, half_space, "pressure", load / unit, rtol=RTOL) for load in loads]
@@ -151,10 +151,10 @@ def at_loads(surface: Surface, loads: list[float]) -> Numbers:
     return {"closing": closings, "leak": leaks, "ends": ends}
 
 
-def solved(kind: Kind, nodes: int = NODES) -> Numbers:
+def solved(kind: Kind, nodes: int, sides: Sides) -> Numbers:
     """Return the numbers of truth, scan, coarser grids and another levelling."""
-    truth = truth_of(kind, nodes)
-    half_space = HalfSpace(truth.shape)
+    truth = truth_of(kind, nodes, sides)
+    half_space = HalfSpace(truth.shape, sides=sides)
     ends, closings = closings_of(truth, half_space)
     states = list(sweep(truth, half_space, [share * max(ends) for share in FRACTIONS], rtol=RTOL))
     loads = [load_of(truth, state) for state in states]
@@ -163,28 +163,28 @@ def solved(kind: Kind, nodes: int = NODES) -> Numbers:
     del states, half_space
     heights, side = scan_of(kind, truth)
     for name, surface in (
-        ("scan", pressed_of(heights, side)),
-        ("twice", pressed_of(heights, side, 2)),
-        ("four", pressed_of(heights, side, 4) if len(heights) // 4 >= FEWEST else None),
-        ("level", pressed_of(heights, side, 1, "quadratic")),
+        ("scan", pressed_of(heights, side, sides)),
+        ("twice", pressed_of(heights, side, sides, 2)),
+        ("four", pressed_of(heights, side, sides, 4) if len(heights) // 4 >= FEWEST else None),
+        ("level", pressed_of(heights, side, sides, 1, "quadratic")),
     ):
         if surface is not None:
             found[name] = at_loads(surface, loads)
-    scan = pressed_of(heights, side)
-    curve = sweep(scan, HalfSpace(scan.shape), CURVE * max(found["scan"]["ends"]), rtol=RTOL)
+    scan = pressed_of(heights, side, sides)
+    curve = sweep(scan, HalfSpace(scan.shape, sides=sides), CURVE * max(found["scan"]["ends"]), rtol=RTOL)
     found["curve"] = [(load_of(scan, state), leaks_of(scan, state)) for state in curve]
     return found | {"loads": loads}
 
 
-def every(seeds: range, kept: Path, nodes: int = NODES) -> Iterator[tuple[Kind, Numbers]]:
+def every(seeds: range, kept: Path, nodes: int, sides: Sides) -> Iterator[tuple[Kind, Numbers]]:
     """Yield all kinds with their numbers, solved or read."""
     kept.mkdir(parents=True, exist_ok=True)
     for seed in seeds:
-        file = kept / f"{nodes}_{seed}.json"
+        file = kept / f"{nodes}_{sides}_{seed}.json"
         if not file.exists():
             with threadpool_limits(1):
                 started = time.process_time()
-                found = solved(kind_of(seed), nodes)
+                found = solved(kind_of(seed), nodes, sides)
             file.write_text(json.dumps(found | {"seconds": time.process_time() - started}))
         yield kind_of(seed), json.loads(file.read_text())
 
@@ -209,15 +209,10 @@ class Solved(_Loaded):
         load = float(self.numbers["closing"]["xy".index(axis)])
         return Closing((Span(load, load),), "")
 
-    def curve(self, axis: str) -> Curve | None:
-        """Return the leak over the load."""
-        k, closes = "xy".index(axis), self.closing(axis).value
-        points = {load: leaks[k] for load, leaks in self.points if leaks[k] > 0.0 and load < closes}
-        if self.leak(axis) > 0.0 and self.load < closes:
-            points[self.load] = self.leak(axis)
-        points[closes] = 0.0
-        loads = np.array(sorted(points))
-        return Curve("", loads, np.array([points[load] for load in loads]), loads, 1.0)
+    def curve(self, axis: str) -> PchipInterpolator | None:
+        """Return the logarithm of the leak over that of the load."""
+        points = {load: leaks["xy".index(axis)] for load, leaks in self.points}
+        return leak_budget.curve_of(points | {self.load: self.leak(axis)}, self.closing(axis).value)
 
 
 def intervals(found: Numbers) -> Iterator[tuple[str, float, float, float, float]]:
@@ -254,13 +249,14 @@ def main() -> None:
     """Print the coverage by kind, and by how much narrower intervals would still hold 93 %."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--first", type=int, default=FRESH)
-    parser.add_argument("--surfaces", type=int, default=75)
+    parser.add_argument("--surfaces", type=int, default=68)
+    parser.add_argument("--sides", default="free", choices=("free", "mirrored"))
     parser.add_argument("--nodes", type=int, default=NODES)
     parser.add_argument("--kept", type=Path, default=Path("/tmp/roughvol_coverage"))
     given = parser.parse_args()
     rows: dict[str, list[tuple[bool, float]]] = {}
     ways: list[tuple[str, float, float, float, float]] = []
-    for kind, found in every(range(given.first, given.first + given.surfaces), given.kept, given.nodes):
+    for kind, found in every(range(given.first, given.first + given.surfaces), given.kept, given.nodes, given.sides):
         for way in intervals(found):
             name, truth, _, low, high = way
             ways.append(way)

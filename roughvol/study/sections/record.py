@@ -130,8 +130,8 @@ class Transport(Choice):
     estimates: States | None = Field(
         default=None, description=f"both coefficients by effective medium and by single junction: {_WHEN}"
     )
-    closing: bool = Field(
-        default=False,
+    closing: Annotated[bool | None, AfterValidator(lambda given: given or None)] = Field(
+        default=None,
         description="load at which the last way along x and y closes on loading, solved between the steps or beyond: "
         "true or false",
     )
