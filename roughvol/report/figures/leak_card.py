@@ -24,7 +24,7 @@ from roughvol.report.figures.ways import CLOSED, FAINT, draw_flow, draw_flux, fl
 
 SANS = read_style("card")
 PANEL = (3.3, 3.1)  # inches, at the width of a figure on the page: its type has the size of the page's
-CROWDED = 50.0  # factor from which on only its powers of ten are labelled
+CROWDED = 50.0  # ratio of the ends of an axis from which on only powers of ten are labelled
 LEAST = 1e-3  # factor at which a bar down to 0 ends
 LEGEND: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 2, "borderaxespad": 0.1}
 LEGEND |= {"handlelength": 1.4, "columnspacing": 0.9, "handletextpad": 0.5}
@@ -207,7 +207,8 @@ def _budget(ax: Axes, card: Card) -> None:
     ax.axvline(1.0, color=GREY, lw=0.8)
     ax.set_yticks(range(len(names)), names)
     ax.set_xlim(min(0.5, ax.get_xlim()[0]), max(2.0, ax.get_xlim()[1]))
-    plain_ticks(ax.xaxis, (1.0, 2.0, 5.0) if ax.get_xlim()[1] < CROWDED else (1.0,))
+    low, high = ax.get_xlim()
+    plain_ticks(ax.xaxis, (1.0, 2.0, 5.0) if high < CROWDED * low else (1.0,))
     ax.invert_yaxis()
     _legend(ax)
 

@@ -38,7 +38,9 @@ class Seal(Strict):
         Parameters
         ----------
         sides : (float, float)
-            Sides of a patch along x and y in a unit of length; the unit of the seal where it is None.
+            Sides of a patch along x and y.
+        unit : str or None
+            Unit of the sides; that of the seal for None.
         """
         along, across = sides if self.flow == "x" else sides[::-1]
         return (
