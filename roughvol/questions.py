@@ -156,13 +156,13 @@ def ask(
     >>> along_x.low < along_x.value == along_x.high
     True
     """
-    from roughvol.analysis import gas_leak, read_off
+    from roughvol.analysis import read_off
     from roughvol.study import parse
 
     found = opened(run, changes)
     results, wanted, kelvin = found.dataset, (leak_rate or "").lstrip("<= "), None
-    if gas_leak.is_throughput(wanted):
-        results, kelvin = gas_leak.in_place(results, unknown)
+    if read_off.is_throughput(wanted):
+        results, kelvin = read_off.of_gas(results, unknown)
     read_off.check(results, leaks=leak_rate is not None)
     load = None if at is None else read_off.nominal_of(results, parse(at))
     largest = math.nan

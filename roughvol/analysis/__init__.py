@@ -15,7 +15,6 @@ Room of the analysis. It reads datasets, solves no contact, and draws nothing.
 `hysteresis`   leak up and down a path, and with yield against without
 `leak_curve`   the leak of a surface over the load, read between steps with its error
 `read_off`     pressure, modulus or Sq at which a leak falls to a value, or a joint closes
-`gas_leak`     the leak of a gas in the place of that of a liquid
 `creep`        the leak of a seal over time
 `seal`         the leak of a seal, and its closing load, from those of its patches
 `leak_budget`  the leak at a load along x and y, its closing and its error budget

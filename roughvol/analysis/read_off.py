@@ -32,8 +32,9 @@ from roughvol.analysis.leak_curve import Curve, LoadReading, axes, closings, cur
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.variables import LISTED
-from roughvol.study import Level, Quantity, Study, convert, loads
+from roughvol.study import Level, Quantity, Study, convert, loads, read
 from roughvol.study.values.state_kinds import REACHED
+from roughvol.study.values.units import unit_of
 from roughvol.typing import Array
 
 UNKNOWNS = ("pressure", "modulus", "Sq")
@@ -291,6 +292,28 @@ def check(run: Dataset, *, leaks: bool = True) -> None:
     if several:
         held = ", ".join(f"{value:g}" if np.isreal(value) else str(value) for value in run[several[0]].values.tolist())
         refuse(f"the run has several {several[0]} ({held}); allowed: surfaces of one kind at one value of each key")
+
+
+def is_throughput(text: str) -> bool:
+    """Return whether a leak has a unit of throughput, as 1e-4 mbar*l/s or 2 sccm: it is the leak of a gas."""
+    try:
+        return unit_of(read(text, "throughput")) is not None
+    except ValueError:
+        return False
+
+
+def of_gas(run: Dataset, unknown: str) -> tuple[Dataset, float]:
+    """Return a run whose leak rates and transmissivities are those of its gas, and the temperature of the gas [K].
+
+    The leak of a gas depends on p* alone where Sq stays: its mean free path over Sq is then the same.
+    """
+    check(run, leaks=False)
+    if "gas_leak_rate" not in run:
+        refuse("the run has no leak of a gas: record transport.gas_flow and dimensional.gas_leak_rate")
+    if unknown == "Sq":
+        refuse("the leak of a gas depends on its mean free path over Sq; allowed: for pressure, modulus")
+    gas = {name: run[f"gas_{name}"] for name in ("leak_rate", "transmissivity")}
+    return run.assign(gas), float(run["gas_leak_rate"].attrs["temperature_K"])
 
 
 def nominal_of(run: Dataset, level: Level) -> float:

@@ -29,8 +29,8 @@ from roughvol.store.dataset import Arrays, Dataset
 from roughvol.study import Case
 from roughvol.surfaces import measured
 from roughvol.surfaces.midpoint import random_midpoint_displacement
-from roughvol.surfaces.spectrum import power_law_surface
 from roughvol.surfaces.surface import Surface
+from roughvol.surfaces.waves import power_law_surface
 from roughvol.typing import Sides
 
 HalfSpaces = MutableMapping[tuple[tuple[int, int], Sides, Kernel, int], HalfSpace]

@@ -17,7 +17,7 @@ from roughvol.study.sections.sweep import Legs, Sweep
 from roughvol.study.sections.treatment import steps
 from roughvol.study.values.units import convert
 from roughvol.surfaces.body import UNTREATED, Body, Treatment
-from roughvol.surfaces.power_law import Spectrum
+from roughvol.surfaces.spectrum import Spectrum
 from roughvol.typing import Sides
 
 ANSWER_FORMAT = 5  # part of every case id: raise it when equal settings no longer give equal stored numbers

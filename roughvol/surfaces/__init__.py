@@ -5,8 +5,8 @@ Room of the surfaces. It knows no study, no solver and no results.
 =================  =================================================================
 `surface`          the record of a surface: heights, spacing, Sq
 `midpoint`         fractal surfaces by random midpoint displacement
-`power_law`        the spectrum of a surface as a record, its moments
-`spectrum`         random surfaces with a power-law spectrum
+`spectrum`         the power-law spectrum of a surface as a record: roll-off, cut-off, moments
+`waves`            random surfaces of this spectrum, drawn wave by wave
 `measured`         surfaces from files: read, treated, two bodies added
 `body`             one measured body and its treatment, as records
 `files`            readers of height maps, one for each kind of content

@@ -4,6 +4,6 @@ from .body import Body as Body
 from .body import Treatment as Treatment
 from .midpoint import midpoint_levels as midpoint_levels
 from .midpoint import random_midpoint_displacement as random_midpoint_displacement
-from .power_law import Spectrum as Spectrum
-from .spectrum import power_law_surface as power_law_surface
+from .spectrum import Spectrum as Spectrum
 from .surface import Surface as Surface
+from .waves import power_law_surface as power_law_surface

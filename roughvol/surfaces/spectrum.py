@@ -1,241 +1,97 @@
-"""Random surfaces with a power-law spectrum: Gaussian heights, or skewed ones with the same spectrum.
+"""The power-law spectrum of a surface as a plain record, and its moments in closed form; loads without numpy.
 
-Conventions: the field is z(x) = Σ c_k exp(2πi k·x/L) over wave vectors k = (i, j) of whole numbers, with c_{-k} the
-conjugate of c_k. The waves are those of `power_law`, k_e < L/λ_s with k_e = √((ε i)² + j²) and ε the anisotropy. A grid
-of n × n nodes, L/n apart, holds the waves of |k| < n/2: coarser grids are the same field with the high waves cut.
+Conventions: q = 2π/λ are wave numbers, k = q L/(2π) = L/λ their ratios to the lowest one of a period L. The isotropic
+power spectral density is (Persson et al. 2005; Jacobs, Junge & Pastewka 2017; the Contact-Mechanics Challenge 2017)
 
-SurfaceTopography (``fourier_synthesis``) and rfgen make such fields too. They draw their random numbers for the whole
-grid, so equal seeds on two grids are other surfaces. GSTools sums modes node by node, for covariance models without a
-roll-off and a cut-off. Here the numbers are drawn wave by wave, low waves first: levels of an ensemble are nested. For
-other height distributions rfgen orders ranks (IAAFT). The transform here is smooth, and gives Ssk itself.
+    C(q) = C0                        q_L ≤ q < q_r     plateau
+    C(q) = C0 (q/q_r)^(-2-2H)        q_r ≤ q < q_s     self-affine
+    C(q) = 0                         elsewhere
+
+with λ_L = L the period, λ_r the roll-off wavelength, λ_s the short cut-off wavelength, and H = 3 - D. The mean square
+of the height is ∫ q C(q) dq/(2π), and a derivative adds a factor q².
 """
 
 from __future__ import annotations
 
-import functools
 import math
+from dataclasses import dataclass
+from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy import optimize
-
-from roughvol.errors import SurfaceError
-from roughvol.surfaces.power_law import Spectrum
-from roughvol.surfaces.surface import Surface, positive, real
-from roughvol.typing import Array, Index
-
-Waves = NDArray[np.complex128]  # shape (2R + 1, R + 1): rows i = 0 … R, -R … -1, columns j = 0 … R
-
-LARGEST_N = 2**13
-STRONGEST = 3.0  # parameter of the translation; beyond, the skewness of most fields no longer grows
-REPEATED = 2  # translations
-NEAR = 0.5
-SKEWNESS_ERROR = 1e-8
+Phases = Literal["gaussian", "random"]
 
 
-def power_law_surface(spectrum: Spectrum, hurst: float, n: int, *, side: float = 1.0, seed: int = 0) -> Surface:
-    """Return a random surface with a power-law spectrum (see `power_law` for the law, λ_L, λ_r and λ_s).
+@dataclass(frozen=True)
+class Spectrum:
+    """A power law between two wavelengths, its amplitude, and how the waves are drawn.
 
-    The amplitudes are ``|c_k|² ~ C(k_e) (a² + b²)/2`` with standard normal a and b, and the phases those of a + i b.
-    With ``phases="random"`` (a² + b²)/2 is 1. The period is scaled to Sq or to h'_rms, exactly: all its waves count,
-    also those that a coarse grid cannot hold. The sample mean is zero.
-
-    A skewness is given by a translation field: a monotone transform of the Gaussian field, whose waves then get their
-    amplitudes back. The spectrum is exactly that of the Gaussian field of the same seed. The skewness is exact to 1e-8
-    on the grid of the smallest power of two n ≥ 2 L/λ_s. The rest of the height distribution is near Pearson's type III
-    and not exactly it: the mean kurtosis is 3 + 1.5 Ssk² to 10 %
-    for abs(Ssk) ≤ 1.
-
-    Parameters
+    Attributes
     ----------
-    spectrum : Spectrum
-        Roll-off, cut-off, amplitude, skewness, anisotropy, phases, and whether one period or a patch.
-    hurst : float
-        Hurst exponent, 0 < H < 1.
-    n : int
-        Nodes per side of the period, even, 8 … 8192.
-    side : float
-        Length L of the period [length]; the spacing is L/n.
-    seed : int
-        Seed ≥ 0. The stream is drawn ring by ring of max(abs(i), abs(j)) and depends on nothing else. Equal seeds have
-        the same low waves at any n, and are matched pairs in H and all parameters.
-
-    Returns
-    -------
-    Surface
-        Heights of shape (n, n) if periodic. Else of shape (n + 1, n + 1): the closed period, whose last row and column
-        repeat the first.
-
-    Raises
-    ------
-    SurfaceError
-        If an argument lies outside its interval, or no translation of this field has the skewness.
+    rolloff : L/λ_r ≥ 1; 1 for a power law without a plateau.
+    cut : L/λ_s > rolloff.
+    Sq : root mean square height of the period [length].
+    slope : root mean square slope h'_rms of the period [1], instead of Sq.
+    Ssk : skewness of the heights, None for Gaussian ones.
+    anisotropy : wavelengths along x over those along y, ≥ 1.
+    phases : "gaussian": amplitudes and phases are random. "random": the phases alone, amplitudes follow C(q).
+    periodic : one period without a repeated edge; else a patch with it.
 
     See Also
     --------
-    random_midpoint_displacement : Returns a surface by midpoint displacement.
+    roughvol.surfaces.power_law_surface : Returns a surface with the spectrum.
 
     Examples
     --------
     >>> from roughvol.surfaces import Spectrum, power_law_surface
-    >>> surface = power_law_surface(Spectrum(rolloff=4, cut=16), hurst=0.8, n=32, side=100.0, seed=1)
-    >>> surface.shape, round(surface.scaled(0.5).Sq, 6)
-    ((32, 32), 0.5)
+    >>> spectrum = Spectrum(rolloff=2.0, cut=8.0, Sq=0.5)
+    >>> surface = power_law_surface(spectrum, hurst=0.8, n=16)
+    >>> surface.shape, round(surface.Sq, 6)
+    ((16, 16), 0.5)
     """
-    hurst, side = real("H", hurst), positive("side", side)
-    _check(spectrum, hurst, n, seed)
-    waves = skewed(_scaled(gaussian_waves(spectrum, hurst, seed), spectrum, side), spectrum)
-    heights = _on_grid(waves, n)
-    if not spectrum.periodic:
-        return Surface(np.pad(heights, (0, 1), mode="wrap"), side / n)
-    return Surface(heights, side / n, sides="periodic")
+
+    rolloff: float
+    cut: float
+    Sq: float = 1.0
+    slope: float | None = None
+    Ssk: float | None = None
+    anisotropy: float = 1.0
+    phases: Phases = "gaussian"
+    periodic: bool = True
+
+    @property
+    def key(self) -> dict[str, Any]:
+        """Everything that changes the heights, as plain data; rounded, so that it is the same in any unit."""
+        rounded = {name: float(f"{v:.12g}") if isinstance(v, float) else v for name, v in vars(self).items()}
+        return rounded if self.slope is None else rounded | {"Sq": None}
 
 
-def gaussian_waves(spectrum: Spectrum, hurst: float, seed: int) -> Waves:
-    """Return the waves of a Gaussian field of any amplitude, c_k = √C(k_e) (a + i b)/√2."""
-    radius = math.ceil(spectrum.cut) - 1
-    # Generator and bit generator are both named: `default_rng` may change its mind between versions.
-    normal = np.random.Generator(np.random.PCG64(seed)).standard_normal
-    waves = np.zeros((2 * radius + 1, radius + 1), dtype=np.complex128)
-    for ring in range(1, radius + 1):
-        # The order is part of what a seed means: changing it changes every surface.
-        drawn = normal((4 * ring, 2)).view(np.complex128)[:, 0]
-        waves[np.arange(-ring, ring + 1), ring] = drawn[: 2 * ring + 1]
-        waves[ring, :ring] = drawn[2 * ring + 1 : 3 * ring + 1]
-        waves[-ring, 1:ring] = drawn[3 * ring + 1 :]
-    waves[radius + 1 :, 0] = waves[radius:0:-1, 0].conj()  # z is real
-    i, j = _indices(radius)
-    ratio = np.hypot(spectrum.anisotropy * i, j)
-    law = np.maximum(ratio, spectrum.rolloff) ** (-1.0 - hurst)
-    law[(ratio >= spectrum.cut) | (ratio == 0.0)] = 0.0
-    if spectrum.phases == "random":
-        return _with_moduli(waves, law)
-    return waves * (law / math.sqrt(2.0))
+def moment(spectrum: Spectrum, hurst: float, order: int) -> float:
+    """Return a moment of the isotropic spectrum, ∫ k^order k C(k) dk from 1 to L/λ_s, in units of C0."""
+    rolloff, cut = spectrum.rolloff, spectrum.cut
+    plateau = (rolloff ** (order + 2) - 1.0) / (order + 2)
+    power = order - 2.0 * hurst
+    falling = math.log(cut / rolloff) if power == 0.0 else ((cut / rolloff) ** power - 1.0) / power
+    return plateau + rolloff ** (order + 2) * falling
 
 
-def skewed(waves: Waves, spectrum: Spectrum) -> Waves:
-    """Return the waves of a field with the skewness of a spectrum and the amplitudes of the given one.
+def slope_per_height(spectrum: Spectrum, hurst: float) -> float:
+    """Return h'_rms/h_rms times L of the isotropic spectrum, 2π √(M₂/M₀) with `moment` M."""
+    return 2.0 * math.pi * math.sqrt(moment(spectrum, hurst, 2) / moment(spectrum, hurst, 0))
 
-    A translation is z ↦ f_s(z/σ) followed by the given amplitudes with the phases of its waves. It is repeated twice.
-    f_s is Wilson and Hilferty's cube (1931), the nearly exact map from a normal variable to one of Pearson's type III
-    of skewness s,
 
-        f_s(y) = (2/s) ((1 + s y/6 - s²/36)³ - 1),
+def nayak(spectrum: Spectrum, hurst: float) -> float:
+    """Return Nayak's parameter of the isotropic spectrum, α = m₀ m₄/m₂² = (3/2) M₀ M₄/M₂² ≥ 3/2 (Nayak 1971).
 
-    monotone in y for every s. The parameter s is searched for until Ssk of the result is met.
+    m are the moments of a profile: m₀ = h_rms², m₂ = h'_rms²/2, m₄ = (3/8) mean((∇²h)²). M is `moment`.
     """
-    if spectrum.Ssk is None:
-        return waves
-    wanted, moduli = spectrum.Ssk, np.abs(waves)
-    n = _smallest_grid(spectrum.cut)
-    deviation = math.sqrt(_total(moduli**2))
-
-    def translated(parameter: float) -> Waves:
-        turned = waves
-        for _ in range(REPEATED):
-            turned = _with_moduli(_off_grid(_translation(_on_grid(turned, n) / deviation, parameter), waves), moduli)
-        return turned
-
-    @functools.cache
-    def excess(parameter: float) -> float:
-        return float(np.mean((_on_grid(translated(parameter), n) / deviation) ** 3)) - wanted
-
-    below, above = max(wanted - NEAR, -STRONGEST), min(wanted + NEAR, STRONGEST)  # most often the parameter is there
-    if not excess(below) <= 0.0 <= excess(above):
-        below, above = -STRONGEST, STRONGEST
-    if not excess(below) <= 0.0 <= excess(above):
-        low, high = wanted + excess(below), wanted + excess(above)
-        raise SurfaceError(f"Ssk = {wanted:g} is out of reach of these waves; allowed: {low:.2f} to {high:.2f}")
-    found = optimize.brentq(excess, below, above, xtol=1e-11, rtol=1e-11)
-    if abs(excess(found)) > SKEWNESS_ERROR:  # pragma: no cover, the skewness is continuous in s
-        raise SurfaceError(f"Ssk = {wanted:g} was not met: {excess(found) + wanted:g}")
-    return translated(found)
+    return 1.5 * moment(spectrum, hurst, 0) * moment(spectrum, hurst, 4) / moment(spectrum, hurst, 2) ** 2
 
 
-def _translation(y: Array, s: float) -> Array:
-    """Return f_s(y) of `skewed`, written so that it is y at s = 0."""
-    u = s * y / 6.0 - s * s / 36.0
-    result: Array = (y - s / 6.0) * (1.0 + u + u * u / 3.0)
-    return result
-
-
-def _scaled(waves: Waves, spectrum: Spectrum, side: float) -> Waves:
-    """Return waves scaled to Sq or to h'_rms of the period."""
-    power = np.abs(waves) ** 2
+def density(spectrum: Spectrum, hurst: float, side: float, wave: float) -> float:
+    """Return the isotropic power spectral density of the law, C(q) with C0 = h_rms² L²/(2π M₀) and M₀ the `moment`."""
+    if not 1.0 <= wave < spectrum.cut:
+        return 0.0
+    height = spectrum.Sq
     if spectrum.slope is not None:
-        i, j = _indices(waves.shape[1] - 1)
-        slope = 2.0 * math.pi / side * math.sqrt(_total(power * (i * i + j * j)))
-        return waves * (spectrum.slope / slope)
-    return waves * (spectrum.Sq / math.sqrt(_total(power)))
-
-
-def _total(values: Array) -> float:
-    """Return the sum over all waves: those of j > 0 count for their conjugates as well."""
-    return float(values[:, 0].sum() + 2.0 * values[:, 1:].sum())
-
-
-def _indices(radius: int) -> tuple[Array, Array]:
-    """Return i and j of the waves, to broadcast."""
-    return _rows(radius).astype(np.float64)[:, None], np.arange(radius + 1, dtype=np.float64)[None, :]
-
-
-def _rows(radius: int) -> Index:
-    """Return i of the rows of waves, 0 … R, -R … -1."""
-    return np.concatenate([np.arange(radius + 1), np.arange(-radius, 0)])
-
-
-def _smallest_grid(cut: float) -> int:
-    """Return the smallest power of two that is at least twice L/λ_s."""
-    return max(8, 2 ** math.ceil(math.log2(2.0 * cut)))
-
-
-def _on_grid(waves: Waves, n: int) -> Array:
-    """Return the heights on a grid of n × n nodes, from its waves of |k| < n/2."""
-    radius = waves.shape[1] - 1
-    held = min(radius, n // 2 - 1)
-    rows = _rows(held)
-    grid = np.zeros((n, n // 2 + 1), dtype=np.complex128)
-    part = waves[rows, : held + 1]
-    if radius > held:
-        part = np.where(np.hypot(rows[:, None], np.arange(held + 1)) < n / 2, part, 0.0)
-    grid[rows, : held + 1] = part
-    return np.fft.irfft2(grid, s=(n, n), norm="forward")
-
-
-def _off_grid(heights: Array, like: Waves) -> Waves:
-    """Return the waves of heights, those that another field has."""
-    radius = like.shape[1] - 1
-    return np.fft.rfft2(heights, norm="forward")[_rows(radius), : radius + 1]
-
-
-def _with_moduli(waves: Waves, moduli: Array) -> Waves:
-    """Return the phases of waves with other moduli."""
-    own = np.abs(waves)
-    own[own == 0.0] = 1.0
-    return waves * (moduli / own)
-
-
-def _check(spectrum: Spectrum, hurst: float, n: int, seed: int) -> None:
-    """Refuse what lies outside its interval."""
-    rolloff, cut, stretch = spectrum.rolloff, spectrum.cut, spectrum.anisotropy
-    finite, even = math.isfinite(cut) and math.isfinite(stretch), isinstance(n, int) and n % 2 == 0
-    rules = (
-        (0.0 < hurst < 1.0, f"H must be in (0, 1), got {hurst!r}"),
-        (even and 8 <= n <= LARGEST_N, f"n must be an even number in [8, {LARGEST_N}], got {n!r}"),
-        (isinstance(seed, int) and seed >= 0, f"seed must be an integer >= 0, got {seed!r}"),
-        (rolloff >= 1.0, f"rolloff = L/λ_r must be >= 1, got {rolloff!r}"),
-        (
-            finite and rolloff < cut <= LARGEST_N / 2,
-            f"cut = L/λ_s must be > rolloff = {rolloff:g} and <= {LARGEST_N // 2}, got {cut!r}",
-        ),
-        (finite and 1.0 <= stretch < cut, f"anisotropy must be >= 1 and < cut = {cut:g}, got {stretch!r}"),
-        (spectrum.phases in ("gaussian", "random"), f"phases must be 'gaussian' or 'random', got {spectrum.phases!r}"),
-    )
-    for holds, message in rules:
-        if not holds:
-            raise SurfaceError(message)
-    positive("Sq", spectrum.Sq)
-    if spectrum.slope is not None:
-        positive("slope", spectrum.slope)
-    if spectrum.Ssk is not None and not math.isfinite(spectrum.Ssk):
-        raise SurfaceError(f"Ssk must be finite, got {spectrum.Ssk!r}")
+        height = spectrum.slope * side / slope_per_height(spectrum, hurst)
+    plateau = (height * side) ** 2 / (2.0 * math.pi * moment(spectrum, hurst, 0))
+    return float(plateau * max(wave / spectrum.rolloff, 1.0) ** (-2.0 - 2.0 * hurst))

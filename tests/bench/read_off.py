@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roughvol.analysis import gas_leak
+from roughvol.analysis import read_off
 from roughvol.analysis.leak_curve import Curve, curves
 from roughvol.campaign import execution
 from roughvol.errors import CampaignError
@@ -79,7 +79,7 @@ def study(seed: int) -> str:
 
 def points(run: Dataset, name: str) -> Iterator[Point]:
     """Yield the readings of the omitted steps of a run."""
-    fluids = {"liquid": run} | ({"gas": gas_leak.in_place(run, "pressure")[0]} if "gas_leak_rate" in run else {})
+    fluids = {"liquid": run} | ({"gas": read_off.of_gas(run, "pressure")[0]} if "gas_leak_rate" in run else {})
     for fluid, leaks in fluids.items():
         coarse = leaks.isel(step=slice(FINER - 1, None, FINER))
         for axis in "xy":

@@ -18,9 +18,9 @@ from roughvol.observables import deformed
 from roughvol.observables.regions import View
 from roughvol.study import loads
 from roughvol.surfaces import psd, texture, treatment
-from roughvol.surfaces.power_law import Spectrum
-from roughvol.surfaces.spectrum import power_law_surface
+from roughvol.surfaces.spectrum import Spectrum
 from roughvol.surfaces.surface import Surface
+from roughvol.surfaces.waves import power_law_surface
 
 Heights = NDArray[np.float64]
 SHIFTS = [(1, 0), (0, -3), (17, 29)]

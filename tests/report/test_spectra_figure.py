@@ -15,7 +15,7 @@ from roughvol.plotting import needed
 from roughvol.report.figures.registry import FIGURES
 from roughvol.store import dataset
 from roughvol.study import loads
-from roughvol.surfaces.power_law import density
+from roughvol.surfaces.spectrum import density
 
 TEXT = """
 name: waves

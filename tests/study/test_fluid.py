@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.analysis import gas_leak
 from roughvol.analysis import read_off as ask
 from roughvol.analysis.leak_budget import card_of
 from roughvol.campaign import card as card_runs
@@ -182,19 +181,19 @@ def test_a_file_without_unit_is_refused(tmp_path: Path) -> None:
 def test_a_leak_of_a_gas_is_asked_for_by_its_unit(results: Dataset) -> None:
     flows = results.gas_leak_rate.sel(axis="x").values.ravel()
     wanted = float(np.sqrt(flows[2] * flows[3]))
-    assert gas_leak.is_throughput("1e-4 mbar*l/s")
-    assert gas_leak.is_throughput("2 sccm")
-    assert not gas_leak.is_throughput("1e-4 mm^3/s")
-    assert not gas_leak.is_throughput("nonsense")
-    run, kelvin = gas_leak.in_place(results, "pressure")
+    assert ask.is_throughput("1e-4 mbar*l/s")
+    assert ask.is_throughput("2 sccm")
+    assert not ask.is_throughput("1e-4 mm^3/s")
+    assert not ask.is_throughput("nonsense")
+    run, kelvin = ask.of_gas(results, "pressure")
     found = ask.ask(run, wanted, "pressure")[0].value
     pressures = results.nominal_pressure.values.ravel()
     assert pressures[2] < found < pressures[3]
     assert kelvin == 293.15
     with pytest.raises(StudyError, match="mean free path over Sq"):
-        gas_leak.in_place(results, "Sq")
+        ask.of_gas(results, "Sq")
     with pytest.raises(StudyError, match="no leak of a gas"):
-        gas_leak.in_place(results.drop_vars("gas_leak_rate"), "pressure")
+        ask.of_gas(results.drop_vars("gas_leak_rate"), "pressure")
 
 
 def test_the_card_has_the_leak_of_the_gas(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from roughvol.store import same_study
 from roughvol.study import Case, SpectralSurface, json_schema, loads
 from roughvol.study.sections.solver import FreeKernel, PeriodicKernel
 from roughvol.surfaces import texture
-from roughvol.surfaces.power_law import Spectrum
+from roughvol.surfaces.spectrum import Spectrum
 from tests.study.kit import problems_of, refused
 
 STUDY = "surface: {H: 0.8, rolloff: 4, n: 32, seeds: 2}\n"

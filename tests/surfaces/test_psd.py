@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from roughvol.surfaces.power_law import Spectrum
 from roughvol.surfaces.psd import spectral
-from roughvol.surfaces.spectrum import power_law_surface
+from roughvol.surfaces.spectrum import Spectrum
 from roughvol.surfaces.surface import Surface
+from roughvol.surfaces.waves import power_law_surface
 
 
 def test_a_single_wave_has_its_power_in_its_ring() -> None:

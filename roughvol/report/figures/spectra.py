@@ -12,7 +12,7 @@ from roughvol.report.figures.families import Family, families
 from roughvol.report.figures.origin import study_of
 from roughvol.report.figures.style import GREY, PAGE, Drawing, axes, legend, marked, unit_of
 from roughvol.study import SpectralSurface
-from roughvol.surfaces.power_law import density
+from roughvol.surfaces.spectrum import density
 from roughvol.typing import Array
 
 ROUNDING = 1e-24  # of the largest density: waves beyond L/λ_s are zero but for rounding

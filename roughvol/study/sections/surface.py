@@ -15,7 +15,7 @@ from roughvol.study.sections.strict import Strict, nearest, refuse_at
 from roughvol.study.values.types import Auto, Dimension, Many, Positive, Refinement, Seed, Whole, refuse, whole
 from roughvol.study.values.units import Length, LengthUnit, unit_of
 from roughvol.surfaces.length_units import factor
-from roughvol.surfaces.power_law import Spectrum
+from roughvol.surfaces.spectrum import Spectrum
 from roughvol.typing import Sides
 
 MAX_SEEDS = 10_000

@@ -11,11 +11,11 @@ import pytest
 from scipy import integrate
 
 from roughvol.errors import SurfaceError
-from roughvol.surfaces import power_law, texture
-from roughvol.surfaces.power_law import Spectrum
+from roughvol.surfaces import texture
 from roughvol.surfaces.psd import spectral
-from roughvol.surfaces.spectrum import power_law_surface
+from roughvol.surfaces.spectrum import Spectrum, density, moment, nayak, slope_per_height
 from roughvol.surfaces.surface import Surface
+from roughvol.surfaces.waves import power_law_surface
 
 LAW = Spectrum(rolloff=4.0, cut=32.0, Sq=2.0)
 SIDE = 50.0
@@ -84,14 +84,14 @@ def test_the_slope_is_the_integral_of_the_density() -> None:
     spectrum = Spectrum(rolloff=16.0, cut=128.0, Sq=2.0, phases="random")
     for hurst in (0.3, 0.8):
         found = spectral(made(spectrum, hurst, n=256))
-        wanted = 2.0 * power_law.slope_per_height(spectrum, hurst) / SIDE
+        wanted = 2.0 * slope_per_height(spectrum, hurst) / SIDE
         assert found.rms_slope == pytest.approx(wanted, rel=0.01)  # a sum over waves for an integral
         q = 2.0 * math.pi / SIDE * found.wave
         by_rings = math.sqrt(float(np.sum(q**3 * found.psd)) * (q[1] - q[0]) / (2.0 * math.pi))
         assert found.rms_slope == pytest.approx(by_rings, rel=0.01)
-        at = [power_law.density(spectrum, hurst, SIDE, float(k)) for k in found.wave[20:120]]
+        at = [density(spectrum, hurst, SIDE, float(k)) for k in found.wave[20:120]]
         np.testing.assert_allclose(found.psd[20:120], at, rtol=0.03)
-        assert found.nayak == pytest.approx(power_law.nayak(spectrum, hurst), rel=0.01)
+        assert found.nayak == pytest.approx(nayak(spectrum, hurst), rel=0.01)
 
 
 @pytest.mark.parametrize("Ssk", [None, -0.8])
@@ -194,10 +194,10 @@ def test_moments_are_the_integrals_of_the_law(rolloff: float, hurst: float) -> N
         wanted = integrate.quad(
             lambda k, p=order: k ** (p + 1) * law_of(0, k, spectrum, hurst), 1.0, 40.0, points=[rolloff]
         )
-        assert power_law.moment(spectrum, hurst, order) == pytest.approx(wanted[0], rel=1e-8)
+        assert moment(spectrum, hurst, order) == pytest.approx(wanted[0], rel=1e-8)
 
     def height(k: float) -> float:
-        return k * power_law.density(spectrum, hurst, SIDE, k) * (2.0 * math.pi / SIDE) ** 2 / (2.0 * math.pi)
+        return k * density(spectrum, hurst, SIDE, k) * (2.0 * math.pi / SIDE) ** 2 / (2.0 * math.pi)
 
     total = integrate.quad(height, 1.0, 40.0, points=[rolloff])[0]
     assert math.sqrt(total) == pytest.approx(3.0, rel=1e-8)
@@ -205,9 +205,9 @@ def test_moments_are_the_integrals_of_the_law(rolloff: float, hurst: float) -> N
 
 def test_nayaks_parameter_of_one_ring_is_three_halves_and_that_of_a_power_law_is_known() -> None:
     ring = Spectrum(rolloff=1e3, cut=1e3 * (1 + 1e-9))
-    assert power_law.nayak(ring, 0.8) == pytest.approx(1.5 * (1 / 2) * (1 / 6) * 16)
+    assert nayak(ring, 0.8) == pytest.approx(1.5 * (1 / 2) * (1 / 6) * 16)
     zeta = 64.0
     for H in (0.3, 0.8):  # rolloff 1, ζ = cut: as Yastrebov, Anciaux and Molinari (2015)
         m0, m2, m4 = (zeta ** (order - 2 * H) - 1 for order in (0, 2, 4))
         known = 1.5 * (1 - H) ** 2 / (H * (H - 2)) * m0 * m4 / m2**2
-        assert power_law.nayak(Spectrum(rolloff=1.0, cut=zeta), H) == pytest.approx(known, rel=1e-10)
+        assert nayak(Spectrum(rolloff=1.0, cut=zeta), H) == pytest.approx(known, rel=1e-10)
