@@ -1,5 +1,11 @@
+from . import analysis as analysis
+from . import campaign as campaign
+from . import contact as contact
 from . import errors as errors
+from . import store as store
 from . import study as study
+from . import surfaces as surfaces
+from . import typing as typing
 from ._version import __version__ as __version__
 from .campaign.python import press as press
 from .campaign.python import run as run
@@ -10,8 +16,10 @@ from .questions import card as card
 from .questions import check as check
 from .questions import compare as compare
 from .questions import creep as creep
+from .questions import explain as explain
 from .questions import report_on as report_on
 from .questions import runs as runs
+from .questions import show as show
 from .questions import status as status
 from .questions import tradeoff as tradeoff
 from .store.run import open as open

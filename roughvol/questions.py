@@ -7,17 +7,19 @@ The rooms are imported in the functions: `roughvol ask` needs no solver.
 ==========  ============================================================================
 `run`       a run by name or path, a `StoredRun`, or a dataset; None is the latest run
 `study`     a study file, a run by name or path, a mapping with the keys of a file, or a `Study`
-`changes`   other values of keys of the study file, as ``("surface.m=6",)``
+`at`        a load as ``"pressure=0.5 MPa, leg 2"`` or ``{"pressure": "0.5 MPa", "leg": 2}``
+`changes`   other values of keys of the study file, as ``{"surface.m": 6}`` or ``"surface.m=6"``
 `jobs`      number of processes; None for all cores
 `plain()`   the content of ``--json``
 ==========  ============================================================================
 
-A name without a run is a `DatasetError`, a folder of another study is a `FolderError`, and a study that cannot be used
-is a `StudyError`. Functions name further errors alone.
+A number with a unit is text or a quantity of pint. A name without a run is a `DatasetError`, a folder of another study
+is a `FolderError`, and a study that cannot be used is a `StudyError`. Functions name further errors alone.
 """
 
 from __future__ import annotations
 
+import difflib
 import itertools
 import json
 import math
@@ -26,7 +28,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
+
+from roughvol.errors import DatasetError, Problem, StudyError
 
 if TYPE_CHECKING:
     from roughvol.analysis import read_off
@@ -35,24 +39,29 @@ if TYPE_CHECKING:
     from roughvol.analysis.read_off import Answer
     from roughvol.campaign.cost import Estimate
     from roughvol.ensemble.prediction import Expected
+    from roughvol.observables.variables import Variable
+    from roughvol.report.card_page import Page
     from roughvol.report.page import Report
-    from roughvol.report.screen import Compared
+    from roughvol.report.screen import Compared, Records
     from roughvol.reproduction.judgement import Judgement
     from roughvol.store import Status, StoredRun
     from roughvol.store.card_runs import CardRuns
     from roughvol.store.dataset import Dataset
     from roughvol.store.run_status import Listed
-    from roughvol.study import Study
+    from roughvol.study import Fluid, Study
+    from roughvol.study.reference import Key
     from roughvol.surfaces.surface import Surface
+    from roughvol.typing import Changes, Load, Loads, Number
 
 
-def opened(run: Dataset | StoredRun | str | Path | None, changes: Sequence[str] = ()) -> StoredRun:
+def opened(run: Dataset | StoredRun | str | Path | None, changes: Changes = ()) -> StoredRun:
     """Return the run of a name, a path or a dataset in memory; None is the latest run."""
     from roughvol.store import StoredRun
     from roughvol.store.dataset import with_case
+    from roughvol.study import changes_of
 
     if run is None or isinstance(run, str | Path):
-        return StoredRun.open(run, changes)
+        return StoredRun.open(run, changes_of(changes))
     if isinstance(run, StoredRun):
         return run
     from roughvol.report.figures import origin
@@ -60,15 +69,29 @@ def opened(run: Dataset | StoredRun | str | Path | None, changes: Sequence[str] 
     return StoredRun(Path(f"{origin.run_name(run) or 'dataset'}.nc"), with_case(run))
 
 
-def study_of(study: Study | Mapping[str, Any] | str | Path, changes: Sequence[str] = ()) -> tuple[Study, Path]:
+def study_of(study: Study | Mapping[str, Any] | str | Path, changes: Changes = ()) -> tuple[Study, Path]:
     """Return a study, of a mapping, a study file or a run, and the folder of its results."""
     from roughvol.store import folder_of, run
-    from roughvol.study import Arguments, of_data
+    from roughvol.study import Arguments, changed, changes_of, of_data
 
+    texts = changes_of(changes)
     if isinstance(study, str | Path):
-        return run.study_of(study, changes)
-    whole = of_data(study, Arguments("study", {"": "study"})) if isinstance(study, Mapping) else study
+        return run.study_of(study, texts)
+    if isinstance(study, Mapping):
+        _refuse_heights(study)
+        whole = of_data(study, Arguments("study", {"": "study"}), texts)
+    else:
+        whole = changed(study, texts)
     return whole, folder_of(whole)
+
+
+def _refuse_heights(study: Mapping[str, Any]) -> None:
+    """Refuse heights in memory, which the folder of a run keeps."""
+    surface = study.get("surface")
+    if isinstance(surface, Mapping) and "heights" in surface:
+        name = study.get("name", "NAME")
+        message = f"heights in memory are taken by roughvol.run, which keeps them; then give the run, as {name!r}"
+        raise StudyError([Problem(message, argument='study: study["surface"]["heights"]')])
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,12 +128,12 @@ class ReadOff:
 def ask(
     run: Dataset | str | Path | None = None,
     *,
-    leak_rate: str | None = None,
-    unknown: str = "pressure",
-    at: str | None = None,
+    leak_rate: Number | None = None,
+    unknown: Literal["pressure", "modulus", "Sq"] = "pressure",
+    at: Load | None = None,
     budget: bool = False,
     jobs: int | None = None,
-    changes: Sequence[str] = (),
+    changes: Changes = (),
 ) -> ReadOff:
     """Return where the leak of a run falls to a value, or where its last way closes: `roughvol ask`.
 
@@ -121,15 +144,15 @@ def ask(
     ----------
     run : Dataset, StoredRun, path or name
         A run.
-    leak_rate : str, optional
+    leak_rate : str or Quantity, optional
         Largest leak with its unit, as ``"1e-6 mm^3/s"``. Default: no open way.
     unknown : {"pressure", "modulus", "Sq"}
         Quantity to find.
-    at : str, optional
+    at : str or mapping, optional
         Load of a modulus or an Sq, as ``"pressure=0.05 MPa"``.
     budget : bool
         Whether the runs of a leak card at the answers are computed. The interval has their errors.
-    jobs, changes : int, sequence of str
+    jobs, changes : int, mapping or sequence of str
         Processes, and changes of the study of the run.
 
     Returns
@@ -157,14 +180,15 @@ def ask(
     True
     """
     from roughvol.analysis import read_off
-    from roughvol.study import parse
+    from roughvol.study import level, text_of_value
 
     found = opened(run, changes)
-    results, wanted, kelvin = found.dataset, (leak_rate or "").lstrip("<= "), None
+    wanted = "" if leak_rate is None else str(text_of_value(leak_rate, "leak_rate")).lstrip("<= ")
+    results, kelvin = found.dataset, None
     if read_off.is_throughput(wanted):
         results, kelvin = read_off.of_gas(results, unknown)
     read_off.check(results, leaks=leak_rate is not None)
-    load = None if at is None else read_off.nominal_of(results, parse(at))
+    load = None if at is None else read_off.nominal_of(results, level(at))
     largest = math.nan
     if leak_rate is not None:
         largest, wanted = _leak(wanted, str(results["leak_rate"].attrs["units"]), kelvin)
@@ -214,7 +238,6 @@ def _card_at(run: StoredRun, load: str, jobs: int | None) -> Card:
 
 def _leak(text: str, unit: str, kelvin: float | None) -> tuple[float, str]:
     """Return a leak in the unit of a run, and its text with a unit; ``kelvin`` is the temperature of a gas."""
-    from roughvol.errors import Problem, StudyError
     from roughvol.study import convert, read, throughput
     from roughvol.study.values.units import unit_of
 
@@ -232,13 +255,13 @@ def _leak(text: str, unit: str, kelvin: float | None) -> tuple[float, str]:
 
 def creep(
     run: Dataset | StoredRun | str | Path | None,
-    law: str | Path,
+    law: str | Path | Mapping[str, Any],
     *,
-    at: str,
-    times: str,
+    at: Load,
+    times: str | Sequence[Number],
     budget: bool = False,
     jobs: int | None = None,
-    changes: Sequence[str] = (),
+    changes: Changes = (),
 ) -> History:
     """Return the leak of a run over time, for a material that creeps under constant load: `roughvol creep`.
 
@@ -248,15 +271,15 @@ def creep(
     ----------
     run : Dataset, StoredRun, path or name
         A run.
-    law : path
-        YAML file of the creep law J(t)/J(0), as ``power: {exponent: 0.1, time: 1 s}``.
-    at : str
+    law : mapping or path
+        The creep law J(t)/J(0), as ``{"power": {"exponent": 0.1, "time": "1 s"}}``, or a YAML file of it.
+    at : str or mapping
         The constant load, as ``"pressure=0.1 MPa"``.
-    times : str
-        Times under load with units, as ``"1 s..30 day"`` or ``"1 min, 1 h"``.
+    times : str, sequence or Quantity
+        Times under load with units, as ``"1 s..30 day"`` or ``["1 min", "1 h"]``; without a unit seconds.
     budget : bool
         Whether the runs of leak cards at up to four of the states are computed. The intervals have their errors.
-    jobs, changes : int, sequence of str
+    jobs, changes : int, mapping or sequence of str
         Processes, and changes of the study of the run.
 
     Returns
@@ -275,7 +298,6 @@ def creep(
 
     Examples
     --------
-    >>> import pathlib
     >>> import roughvol
     >>> leak = {"pressure_drop": "5 mbar", "viscosity": "1 mPa*s"}
     >>> study = {
@@ -289,20 +311,20 @@ def creep(
     ...     },
     ... }
     >>> ds = roughvol.run(study, jobs=1)
-    >>> _ = pathlib.Path("creep.yaml").write_text("power: {exponent: 0.1, time: 1 s}")
-    >>> history = roughvol.creep(ds, "creep.yaml", at="pressure=0.2 MPa", times="1 s, 1 min")
+    >>> law = {"power": {"exponent": 0.1, "time": "1 s"}}
+    >>> history = roughvol.creep(ds, law, at="pressure=0.2 MPa", times=["1 s", "1 min"])
     >>> history.ratio.round(2).tolist()  # J(t)/J(0)
     [2.0, 2.51]
     """
     from roughvol.analysis import creep as over_time
     from roughvol.analysis import read_off
-    from roughvol.study import load_creep, parse, read_times
+    from roughvol.study import level, load_creep, read_times
 
     found = opened(run, changes)
     results = found.dataset
     read_off.check(results)
-    load = read_off.nominal_of(results, parse(at))
-    history = over_time.history(results, load_creep(Path(law)), load, read_times(times))
+    load = read_off.nominal_of(results, level(at))
+    history = over_time.history(results, load_creep(law), load, read_times(times))
     if not budget:
         return history
     loads = over_time.loads_of_cards(history)
@@ -319,8 +341,15 @@ class Cards:
     """
 
     study: Study
-    varied: tuple[str, ...]  # changes of the study, but for its name
+    asked: str  # name or path of the study
+    changes: tuple[str, ...]
+    folder: Path  # of the runs, and of the pages
     runs: Mapping[tuple[str, str], Mapping[str, CardRuns]]
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """Changes of the study, but for its name."""
+        return tuple(change for change in self.changes if not change.startswith("name="))
 
     @cached_property
     def loads(self) -> tuple[str, ...]:
@@ -343,14 +372,44 @@ class Cards:
         data = {words: card.plain() for words, card in self.cards.items()}
         return data if self.study.axes or len(self.loads) > 1 else data[""]
 
+    @cached_property
+    def pages(self) -> list[Page]:
+        """A page of each load and combination; of several height files, a page of each and one together."""
+        from roughvol.analysis.leak_budget import card_of
+        from roughvol.campaign.card import slug
+        from roughvol.report.card_page import Page
+        from roughvol.report.card_text import Identity
+
+        pages, changed = [], [word for change in self.changes for word in ("--set", change)]
+        for (load, words), runs in self.runs.items():
+            origin = Identity(self.study, shlex.join(["roughvol", "card", self.asked, "--at", load, *changed]))
+            single = {name: [one] for name, one in runs.items()} if len(runs) > 1 else {}
+            for name, some in ({"": list(runs.values())} | single).items():
+                title = ", ".join(filter(None, (self.study.name, *self.varied, words, name)))
+                stem = "_".join(filter(None, map(slug, ("card", load, *self.varied, words, name))))
+                fine = tuple(one.fine.dataset for one in some)
+                pages.append(Page(card_of(some, title, load), fine, origin, stem))
+        return pages
+
+    def write(self) -> list[Path]:
+        """Write the pages as HTML and PDF beside the runs, several with a table; return the paths of the HTML."""
+        from roughvol.campaign.card import slug
+        from roughvol.report import card_page
+
+        paths = [card_page.write(page, self.folder) for page in self.pages]
+        if len(paths) > 1:
+            stem = "_".join(map(slug, ("cards", *self.loads, *self.varied)))
+            paths.append(card_page.write_table(self.pages, stem, self.study.name, self.folder))
+        return paths
+
 
 def card(
     study: Study | Mapping[str, Any] | str | Path,
-    at: str | Sequence[str] = "last",
+    at: Loads = "last",
     *,
     out: str | Path | None = None,
     jobs: int | None = None,
-    changes: Sequence[str] = (),
+    changes: Changes = (),
 ) -> Cards:
     """Return the leak along x and y at a load with its error, and where the ways close: `roughvol card`.
 
@@ -360,17 +419,18 @@ def card(
     ----------
     study : Study, mapping, path or name
         A study.
-    at : str or sequence of str
-        The load, as ``"pressure=0.5 MPa, leg 2"``, or several. Default: the end of the sweep.
+    at : str or mapping, or sequence of them
+        The load, as ``"pressure=0.5 MPa, leg 2"`` or ``{"pressure": "0.5 MPa"}``, or several. Default: the end of the
+        sweep.
     out : path, optional
         Folder of the runs. Default: ``runs/<name of the study>_card``.
-    jobs, changes : int, sequence of str
+    jobs, changes : int, mapping or sequence of str
         Processes, and changes of the study, which run in a folder of their own.
 
     Returns
     -------
     Cards
-        ``cards[""]`` of a study without lists at one load.
+        ``cards[""]`` of a study without lists at one load. ``write()`` writes the pages.
 
     Raises
     ------
@@ -393,40 +453,85 @@ def card(
     """
     from roughvol.analysis.leak_budget import check_reached
     from roughvol.campaign import card as computed
-    from roughvol.study import parse
+    from roughvol.study import changes_of, levels
 
-    asked, _ = study_of(study, changes)
-    levels = [parse(text) for text in ((at,) if isinstance(at, str) else at)]
+    (asked, _), texts = study_of(study, changes), changes_of(changes)
     folder = Path(out or Path("runs") / f"{asked.name}_card")
-    varied = tuple(change for change in changes if not change.startswith("name="))
     found: dict[tuple[str, str], dict[str, CardRuns]] = {}
-    for level, variant in itertools.product(levels, asked.variants):
+    cards = Cards(asked, str(study) if isinstance(study, str | Path) else asked.name, texts, folder, found)
+    for level, variant in itertools.product(levels(at), asked.variants):
         surfaces = computed.surfaces_of(variant.study)
         accept = check_reached if len(surfaces) == 1 else lambda fine: None
-        inside = folder.joinpath("runs", *map(computed.slug, (*varied, variant.words)))
+        inside = folder.joinpath("runs", *map(computed.slug, (*cards.varied, variant.words)))
         found[level.label, variant.words] = {
             name: computed.compute(one, level, inside / computed.slug(name), jobs=jobs, accept=accept)
             for name, one in surfaces.items()
         }
-    return Cards(asked, varied, found)
+    return cards
 
 
-def compare(runs: Sequence[Dataset | str | Path], at: Sequence[str] = (), *, changes: Sequence[str] = ()) -> Compared:
+def show(run: Dataset | StoredRun | str | Path | None = None, at: Loads = (), *, changes: Changes = ()) -> Records:
+    """Return the numbers of every surface of a run as rows, at all steps or at loads: `roughvol show`.
+
+    Parameters
+    ----------
+    run : Dataset, StoredRun, path or name
+        A run.
+    at : str or mapping, or sequence of them
+        Loads, as ``"pressure=0.5 MPa"`` or ``{"pressure": "0.5 MPa"}``. Default: all steps.
+    changes : mapping or sequence of str
+        Changes of the study of the run.
+
+    Returns
+    -------
+    Records
+        ``names``, ``rows`` and ``units``; ``frame()`` is a DataFrame of pandas.
+
+    Raises
+    ------
+    DatasetError
+        If nothing was pressed, or no surface reaches a load.
+
+    See Also
+    --------
+    roughvol.compare : Returns the numbers of several runs at equal loads.
+    roughvol.analysis.accessor.Accessor.at : Returns the numbers at a load as a dataset.
+
+    Examples
+    --------
+    >>> import roughvol
+    >>> study = {"name": "shown", "surface": {"D": 2.5, "m": 3, "seeds": 2}, "sweep": {"steps": 4}}
+    >>> _ = roughvol.run(study, jobs=1)
+    >>> frame = roughvol.show("shown", {"contact_area": [0.1, 0.15]}).frame()
+    >>> frame[["seed", "state", "contact_area_fraction"]].round(6).values.tolist()
+    [[0, 'contact_area=0.1', 0.1], [1, 'contact_area=0.1', 0.1], [0, 'contact_area=0.15', 0.15],
+     [1, 'contact_area=0.15', 0.15]]
+    """
+    from roughvol.analysis.stored_run import Run
+    from roughvol.report import screen
+    from roughvol.study import levels
+
+    found = opened(run, changes)
+    return screen.records(Run.of(found.name, found.dataset), levels(at))
+
+
+def compare(runs: Sequence[Dataset | str | Path], at: Loads = (), *, changes: Changes = ()) -> Compared:
     """Return the numbers of several runs at equal loads: `roughvol compare`.
 
     Parameters
     ----------
     runs : sequence of Dataset, path or name
         Two runs or more; a run with lists counts as its combinations.
-    at : sequence of str
-        Loads, as ``"pressure=0.5 MPa"``. Default: pressures that all runs reach.
-    changes : sequence of str
+    at : str or mapping, or sequence of them
+        Loads, as ``"pressure=0.5 MPa"`` or ``{"pressure": "0.5 MPa"}``. Default: pressures that all runs reach.
+    changes : mapping or sequence of str
         Changes of the studies of the runs.
 
     Returns
     -------
     Compared
-        ``records()`` are names, rows and units of the numbers, ``table()`` is their text.
+        ``records()`` are names, rows and units of the numbers, ``records().frame()`` is a DataFrame of pandas, and
+        ``table()`` is their text.
 
     Raises
     ------
@@ -435,7 +540,7 @@ def compare(runs: Sequence[Dataset | str | Path], at: Sequence[str] = (), *, cha
 
     See Also
     --------
-    roughvol.open : Opens the numbers of one run.
+    roughvol.show : Returns the numbers of one run.
 
     Examples
     --------
@@ -447,15 +552,14 @@ def compare(runs: Sequence[Dataset | str | Path], at: Sequence[str] = (), *, cha
     True
     """
     from roughvol.analysis.stored_run import Run
-    from roughvol.errors import DatasetError
     from roughvol.report import screen
-    from roughvol.study import parse
+    from roughvol.study import levels
 
     stored = [opened(run, changes) for run in runs]
     parts = [part for run in stored for part in Run.of(run.name, run.dataset).parts]
     if len(parts) < 2:
         raise DatasetError("compare takes two runs or more; one is shown by: roughvol show RUN")
-    return screen.compared(parts, [parse(text) for text in at])
+    return screen.compared(parts, levels(at))
 
 
 @dataclass(frozen=True, eq=False)
@@ -476,21 +580,28 @@ class Reported:
         data: dict[str, Any] = json.loads(page.to_json(self.report))
         return data
 
+    def write(self, folder: str | Path | None = None) -> Path:
+        """Write report.html, report.md and claims.json into a folder; default: that of one run, or runs/report."""
+        from roughvol.report import page
 
-def report_on(runs: Sequence[str | Path] = (), *, changes: Sequence[str] = ()) -> Reported:
+        own = self.runs[0].folder if len(self.runs) == 1 else Path("runs/report")
+        return page.write(self.report, Path(folder or own))
+
+
+def report_on(runs: Sequence[str | Path] = (), *, changes: Changes = ()) -> Reported:
     """Return the facts of runs and the claims of the paper that they answer: `roughvol report`.
 
     The name `roughvol.report` is that of a package.
 
     Parameters
     ----------
-    runs, changes : sequence of path or name, sequence of str
+    runs, changes : sequence of path or name, mapping or sequence of str
         Runs, and changes of their studies. Default: all under ``runs`` that hold the results of their study.
 
     Returns
     -------
     Reported
-        ``judgement`` of the claims, and the ``report``.
+        ``judgement`` of the claims, and the ``report``; ``write()`` writes the page.
 
     Raises
     ------
@@ -509,12 +620,11 @@ def report_on(runs: Sequence[str | Path] = (), *, changes: Sequence[str] = ()) -
     >>> [(run["name"], run["states"]) for run in roughvol.report_on(["tiny"]).plain()["runs"]]
     [('tiny', 4)]
     """
-    from roughvol.errors import DatasetError
     from roughvol.reproduction.judgement import judge
     from roughvol.reproduction.sections import report_of
     from roughvol.store import StoredRun, run
 
-    found, refused = [StoredRun.open(name, changes) for name in runs], []
+    found, refused = [opened(name, changes) for name in runs], []
     for folder in () if runs else run.with_results():
         try:
             found.append(StoredRun.open(folder))
@@ -550,16 +660,14 @@ class Checked:
         }
 
 
-def check(
-    study: Study | Mapping[str, Any] | str | Path, *, jobs: int | None = None, changes: Sequence[str] = ()
-) -> Checked:
+def check(study: Study | Mapping[str, Any] | str | Path, *, jobs: int | None = None, changes: Changes = ()) -> Checked:
     """Return the first surface of a study, its cost, and doubts; nothing is stored: `roughvol check`.
 
     Of an ensemble, small surfaces are solved for the cost.
 
     Parameters
     ----------
-    study, jobs, changes : Study, mapping, path or name; int; sequence of str
+    study, jobs, changes : Study, mapping, path or name; int; mapping or sequence of str
         A study, processes, and changes of the study.
 
     Returns
@@ -600,12 +708,12 @@ def check(
     return Checked(loaded, folder, surface, estimate, tuple(rows), tuple(warnings))
 
 
-def status(study: Study | Mapping[str, Any] | str | Path, *, changes: Sequence[str] = ()) -> Status:
+def status(study: Study | Mapping[str, Any] | str | Path, *, changes: Changes = ()) -> Status:
     """Return the finished, running, failed and missing cases of a study, also during a run: `roughvol status`.
 
     Parameters
     ----------
-    study, changes : Study, mapping, path or name, and sequence of str
+    study, changes : Study, mapping, path or name, and mapping or sequence of str
         A study, and changes of it.
 
     Returns
@@ -668,14 +776,14 @@ def runs(folder: str | Path = "runs") -> list[Listed]:
 def tradeoff(
     study: Study | Mapping[str, Any] | str | Path,
     *,
-    changes: Sequence[str] = (),
+    changes: Changes = (),
     on_sweep: Callable[[int, int], None] = lambda done, all: None,
 ) -> Dataset:
     """Return speed and accuracy of the solver on the surfaces of a study: `roughvol tradeoff`.
 
     Parameters
     ----------
-    study, changes : Study, mapping, path or name, and sequence of str
+    study, changes : Study, mapping, path or name, and mapping or sequence of str
         A study, and changes of it.
     on_sweep : callable, optional
         Called with the number of finished sweeps, and of all.
@@ -705,3 +813,82 @@ def tradeoff(
     from roughvol.campaign import tradeoff as trade
 
     return trade.measure(study_of(study, changes)[0], on_sweep)
+
+
+@dataclass(frozen=True)
+class Explained:
+    """A name in words; what the name does not have is empty or None."""
+
+    name: str
+    keys: tuple[Key, ...]  # the key of the name in each of its forms; without a name, the sections
+    others: tuple[Key, ...]  # keys inside the section; without a key of the name, keys of other sections that end so
+    variable: Variable | None  # the stored variable
+    stored_by: str  # the key of a study that stores the variable
+    gas: Fluid | None  # the gas, into vacuum
+
+
+def explain(name: str | None = None) -> Explained:
+    """Return the meaning of a key of a study, a section, a stored variable or a gas: `roughvol explain`.
+
+    Parameters
+    ----------
+    name : str, optional
+        As ``"surface.file"``, ``"free_volume"`` or ``"helium"``. Default: the sections of a study.
+
+    Returns
+    -------
+    Explained
+        Keys with values, default and description; unit and symbol of a variable; viscosity of a gas.
+
+    Raises
+    ------
+    DatasetError
+        If there is no such name; the message has the nearest names.
+
+    See Also
+    --------
+    roughvol.study.json_schema : Returns the JSON schema of study files.
+
+    Examples
+    --------
+    >>> import roughvol
+    >>> (key,) = roughvol.explain("surface.missing").keys
+    >>> key.values, key.default
+    ("'refuse' or 'nearest' or 'interpolate'", 'refuse')
+    >>> roughvol.explain("leak_rate").variable.symbol
+    'Q_i'
+    """
+    from roughvol.observables.variables import VARIABLES, columns_of
+    from roughvol.store.record_key import record_key
+    from roughvol.study import Fluid
+    from roughvol.study.reference import keys
+    from roughvol.study.sections.fluid import SUBSTANCES
+
+    word = (name or "").strip().strip(".")
+    if not word:
+        return Explained("", tuple(key for key in keys() if "." not in key.path), (), None, "", None)
+    if word in SUBSTANCES:
+        return Explained(
+            word, (), (), None, "", Fluid.model_validate({"gas": word, "inlet": "1 bar", "outlet": "0 bar"})
+        )
+    exact = tuple(key for key in keys() if key.path == word)
+    inside = tuple(key for key in keys() if key.path.rpartition(".")[0] == word)
+    other = tuple(key for key in keys() if not exact and key.path.rpartition(".")[2] == word)
+    stored = next((stored for stored in VARIABLES if word in (stored, *columns_of(stored))), "")
+    if not exact and not other and not stored:
+        near = difflib.get_close_matches(word, explained_names(), n=3, cutoff=0.5)
+        hint = f"did you mean {' or '.join(near)}? " if near else ""
+        message = f"no key and no variable {word!r}; {hint}roughvol explain lists the sections"
+        raise DatasetError(message)
+    return Explained(
+        stored or word, exact, inside or other, VARIABLES.get(stored), record_key(stored) if stored else "", None
+    )
+
+
+def explained_names() -> list[str]:
+    """Return all names that `explain` describes."""
+    from roughvol.observables.variables import VARIABLES
+    from roughvol.study.reference import keys
+    from roughvol.study.sections.fluid import SUBSTANCES
+
+    return list(dict.fromkeys([*(key.path for key in keys()), *VARIABLES, *SUBSTANCES]))

@@ -7,6 +7,8 @@ does so for a dataset from elsewhere.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -19,9 +21,11 @@ from roughvol.analysis.stored_run import Run
 from roughvol.errors import DatasetError
 from roughvol.store.dataset import with_case
 from roughvol.store.variants import parts_of
-from roughvol.study import parse
+from roughvol.study import Level, level, quantity, text_of_value
+from roughvol.typing import Load, Number
 
 NAME = "dataset"  # in messages: a dataset has no name of its own
+ABSENT = "no variable {!r}; ds.roughvol.derived() adds nominal pressure and mean gap"
 
 
 @xr.register_dataset_accessor("roughvol")
@@ -48,16 +52,16 @@ class Accessor:
     def __init__(self, ds: Dataset) -> None:
         self._ds = ds
 
-    def at(self, state: str = "", *, leg: int | None = None, **level: float | str) -> Dataset:
+    def at(self, state: Load = "", *, leg: int | None = None, **kind: Number) -> Dataset:
         """Return the numbers of every surface at a level.
 
         Parameters
         ----------
-        state : str, optional
+        state : str or mapping, optional
             The level as on the command line: ``"last"`` or ``"pressure=0.5 MPa, leg 2"``.
         leg : int, optional
             Leg of a path. Default: the first leg on which a surface reaches the level.
-        **level : float or str
+        **kind : float, str or Quantity
             The level by its kind, as ``contact_area=0.1`` or ``pressure="0.5 MPa"``.
 
         Returns
@@ -80,7 +84,7 @@ class Accessor:
         >>> bool(ds.roughvol.at(contact_area=0.2)["free_volume"] > ds["free_volume"].isel(step=-1))
         True
         """
-        wanted = parse(_text(state, level, leg))
+        wanted = _level(state, kind, leg)
         check_pressed(self._ds, f"the {NAME}")
 
         def of_part(part: Dataset) -> Dataset:
@@ -119,12 +123,12 @@ class Accessor:
         """
         return self._by_part(lambda part: derived(part, Run.of(NAME, part).study))
 
-    def in_units(self, **wanted: str) -> Dataset:
+    def in_units(self, **wanted: Any) -> Dataset:
         """Return the dataset with variables in other units.
 
         Parameters
         ----------
-        **wanted : str
+        **wanted : str or Unit
             Unit by the name of a variable, as ``nominal_pressure="kPa"``.
 
         Returns
@@ -147,12 +151,55 @@ class Accessor:
         [1000.0, 1000.0]
         """
         if absent := [name for name in wanted if name not in self._ds]:
-            raise DatasetError(f"no variable {absent[0]!r}; ds.roughvol.derived() adds nominal pressure and mean gap")
-        found = units.in_units(self._ds, dict(wanted))
-        for name, unit in wanted.items():
+            raise DatasetError(ABSENT.format(absent[0]))
+        texts = {name: str(text_of_value(unit, name)) for name, unit in wanted.items()}
+        found = units.in_units(self._ds, dict(texts))
+        for name, unit in texts.items():
             if (own := found[name].attrs.get("units")) != unit:
                 raise DatasetError(f"{name} has the unit {own!r}, which is not converted to {unit!r}")
         return found
+
+    def quantity(self, name: str, unit: Any = None, registry: Any = None) -> Any:
+        """Return a variable as a quantity of pint.
+
+        Parameters
+        ----------
+        name : str
+            Name of a variable of the dataset, as ``"leak_rate"``.
+        unit : str or Unit, optional
+            Unit, as ``"ml/min"``. Default: the attribute ``units`` of the variable.
+        registry : pint.UnitRegistry, optional
+            Registry of the quantity. Default: ``pint.get_application_registry()``.
+
+        Returns
+        -------
+        Quantity
+            The values of the variable, an array in the order of its dimensions.
+
+        Raises
+        ------
+        DatasetError
+            If there is no such variable, or its unit is not known or cannot be converted.
+
+        See Also
+        --------
+        roughvol.analysis.accessor.Accessor.in_units : Returns the dataset in other units.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import roughvol
+        >>> ds = roughvol.press(np.eye(5), L="1 mm", E_star="1 MPa", steps=2)
+        >>> print(ds.roughvol.quantity("Sq", "um").round(1))
+        400.0 micrometer
+        """
+        if name not in self._ds.variables:
+            raise DatasetError(ABSENT.format(name))
+        variable = self._ds[name]
+        try:
+            return quantity(variable.values, str(variable.attrs.get("units", "1")), unit, registry)
+        except ValueError as error:
+            raise DatasetError(f"{name}: {error}") from error
 
     def mean(self, over: str = "seed") -> Dataset:
         """Return the number of several surfaces: the median of a flow, closed surfaces as 0, else the mean.
@@ -196,12 +243,12 @@ class Accessor:
         return joined if "case" in self._ds.dims or "case" not in joined.dims else joined.isel(case=0)
 
 
-def _text(state: str, level: dict[str, float | str], leg: int | None) -> str:
-    """Return a level as the command line takes it."""
-    if bool(state) + len(level) != 1:
+def _level(state: Load, kind: dict[str, Number], leg: int | None) -> Level:
+    """Return the level that the arguments of `Accessor.at` name."""
+    if bool(state) + len(kind) != 1:
         raise DatasetError('at takes one level; as at("last"), at(contact_area=0.1) or at(pressure="0.5 MPa")')
-    text = state or "=".join(map(str, *level.items()))
-    return text if leg is None else f"{text}, leg {leg}"
+    found = level(state or kind)
+    return found if leg is None else replace(found, leg=leg)
 
 
 def _labelled(state: states.State) -> Dataset:

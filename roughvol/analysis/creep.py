@@ -107,6 +107,43 @@ class History:
     body: str
     has_errors: bool = False
 
+    def plain(self) -> dict[str, Any]:
+        """Return the numbers as ``creep --json`` prints them; None where a number is not known.
+
+        Load and units; for each time the contact, and the leak of each axis with its intervals and counts.
+        """
+        rows = []
+        for k, time in enumerate(self.seconds):
+            ways = [
+                {
+                    "axis": axis,
+                    "value": _known(leak.value[k]),
+                    "interval": [_known(leak.low[k]), _known(leak.high[k])],
+                    "range_of_surfaces": [_known(leak.least[k]), _known(leak.most[k])],
+                    "open": int(leak.open[k]),
+                    "closing": int(leak.closing[k]),
+                    "surfaces": leak.surfaces,
+                }
+                for axis, leak in self.leak.items()
+            ]
+            rows.append(
+                {
+                    "seconds": float(time),
+                    "compliance_ratio": float(self.ratio[k]),
+                    "equivalent_pressure": float(self.equivalent[k]),
+                    "contact_area_fraction": _known(self.area[k]),
+                    "leak": ways,
+                }
+            )
+        return {
+            "pressure": self.pressure,
+            "unit": self.pressure_unit,
+            "leak_unit": self.leak_unit,
+            "body": self.body,
+            "has_errors": self.has_errors,
+            "times": rows,
+        }
+
 
 def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float]) -> History:
     """Return the leak over time at a constant nominal pressure; nothing is solved.
@@ -288,52 +325,6 @@ def write_csv(over_time: History, path: Path) -> None:
     rows = zip(*(column.tolist() for column in columns), strict=True)
     csv.writer(text).writerows([head, *(map(repr, row) for row in rows)])
     stamped_file.write(path, text.getvalue().encode())
-
-
-def record(over_time: History) -> dict[str, Any]:
-    """Return the numbers as plain data; None where a number is not known.
-
-    Parameters
-    ----------
-    over_time : History
-        A seal over time.
-
-    Returns
-    -------
-    dict
-        Load and units; for each time the contact, and the leak of each axis with its intervals and counts.
-    """
-    rows = []
-    for k, time in enumerate(over_time.seconds):
-        ways = [
-            {
-                "axis": axis,
-                "value": _known(leak.value[k]),
-                "interval": [_known(leak.low[k]), _known(leak.high[k])],
-                "range_of_surfaces": [_known(leak.least[k]), _known(leak.most[k])],
-                "open": int(leak.open[k]),
-                "closing": int(leak.closing[k]),
-                "surfaces": leak.surfaces,
-            }
-            for axis, leak in over_time.leak.items()
-        ]
-        rows.append(
-            {
-                "seconds": float(time),
-                "compliance_ratio": float(over_time.ratio[k]),
-                "equivalent_pressure": float(over_time.equivalent[k]),
-                "contact_area_fraction": _known(over_time.area[k]),
-                "leak": ways,
-            }
-        )
-    return {
-        "pressure": over_time.pressure,
-        "unit": over_time.pressure_unit,
-        "leak_unit": over_time.leak_unit,
-        "body": over_time.body,
-        "has_errors": over_time.has_errors,
-        "times": rows,
-    }
 
 
 def _known(value: float) -> float | None:

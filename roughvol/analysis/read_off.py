@@ -470,7 +470,7 @@ def _finite(value: float) -> float | None:
 
 def _check_unknown(run: Dataset, unknown: str, pressure: float | None) -> None:
     if unknown not in UNKNOWNS:
-        refuse(f"for is {unknown!r}; allowed: {', '.join(UNKNOWNS)}")
+        refuse(f"unknown is {unknown!r}; allowed: {', '.join(UNKNOWNS)}")
     if unknown != "pressure" and "plastic_volume" in run:
         refuse("pressures end at a hardness, so numbers do not depend on p* alone; allowed: for pressure")
     if unknown != "pressure" and not (pressure is not None and pressure > 0.0):

@@ -15,14 +15,15 @@ import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsFloat, SupportsIndex
 
 from roughvol.campaign import execution, notebook
 from roughvol.campaign.batch import OnEvent, Progress
 from roughvol.errors import CampaignError, Problem, RoughvolError, RoughvolWarning, StudyError, SurfaceError
 from roughvol.store.dataset import Dataset
-from roughvol.study import Arguments, Study, of_data
+from roughvol.study import Arguments, Study, changed, changes_of, load, of_data
 from roughvol.surfaces.files import memory
+from roughvol.typing import Changes, Number
 
 INSIDE = (str(Path(__file__).parents[1]) + os.sep, contextlib.__file__)  # files that are not the caller's
 NU = 0.3  # taken by `press` for E without nu
@@ -53,6 +54,7 @@ def run(
     scheduler: str | None = None,
     stopping: Callable[[], bool] = lambda: False,
     only: Collection[str] | None = None,
+    changes: Changes = (),
 ) -> Dataset:
     """Compute the missing cases of a study, store each when it is finished, and return all of them.
 
@@ -76,6 +78,8 @@ def run(
         Polled during the run. Once it is true, cases begun are finished, and the run ends with KeyboardInterrupt.
     only : collection of str, optional
         Ids of the cases to compute. Default: all.
+    changes : mapping or sequence of str
+        Other values of keys of the study, as ``{"surface.m": 6, "name": "finer"}`` or ``["surface.m=6"]``.
 
     Returns
     -------
@@ -113,26 +117,28 @@ def run(
     """
     options: dict[str, Any] = {"out": out, "jobs": jobs, "fresh": fresh, "scheduler": scheduler}
     options |= {"on_event": _heard(on_event), "stopping": stopping, "only": only}
+    texts = changes_of(changes)
     if not isinstance(study, Mapping):
         with _named({}):
-            return _warned(execution.run(study, **options))
+            whole = changed(study, texts) if isinstance(study, Study) else load(study, texts)
+            return _warned(execution.run(whole, **options))
     with _written(study, Arguments("run", OF_STUDY)) as (data, names, files):
         if files and scheduler is not None:
             message = "run: argument scheduler: its workers do not have the heights in memory; store them in a file"
             raise CampaignError(message)
-        return _warned(execution.run(of_data(data, names), **options, made=files))
+        return _warned(execution.run(of_data(data, names, texts), **options, made=files))
 
 
 def press(
     heights: Any,
     *,
-    L: Any = None,
-    E: Any = None,
-    nu: float | None = None,
-    E_star: Any = None,
-    hardness: Any = None,
+    L: Number | None = None,
+    E: Number | None = None,
+    nu: SupportsFloat | None = None,
+    E_star: Number | None = None,
+    hardness: Number | None = None,
     to: str | Mapping[str, Any] | None = None,
-    steps: int | None = None,
+    steps: SupportsIndex | None = None,
     sweep: Mapping[str, Any] | Sequence[Mapping[str, Any]] | None = None,
     record: Mapping[str, Any] | None = None,
     solver: Mapping[str, Any] | str | None = None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -54,7 +54,7 @@ def ask(
     run: str | None,
     leak_rate: str | None,
     closed: bool,
-    unknown: str,
+    unknown: Literal["pressure", "modulus", "Sq"],
     state: str | None,
     budget: bool,
     jobs: int | None,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 
 import click
@@ -44,29 +43,11 @@ def card(
     if as_json:
         say_json(found.plain())
         return
-    from roughvol.analysis.leak_budget import card_of
-    from roughvol.campaign.card import slug
     from roughvol.report import card_page, terminal
-    from roughvol.report.card_text import Identity
 
-    folder, varied = out or Path("runs") / f"{found.study.name}_card", found.varied
-    changed = [word for change in changes for word in ("--set", change)]
-    pages = []
-    for (load, words), runs in found.runs.items():
-        origin = Identity(found.study, shlex.join(["roughvol", "card", str(study), "--at", load, *changed]))
-        single = {name: [one] for name, one in runs.items()} if len(runs) > 1 else {}
-        for name, some in ({"": list(runs.values())} | single).items():
-            title = ", ".join(filter(None, (found.study.name, *varied, words, name)))
-            stem = "_".join(filter(None, map(slug, ("card", load, *varied, words, name))))
-            fine = tuple(one.fine.dataset for one in some)
-            pages.append(card_page.Page(card_of(some, title, load), fine, origin, stem))
     if len(found.runs) == 1:
-        say("\n".join(terminal.lines(card_page.brief(pages[0]))))
-    if len(pages) > 1:
-        say_table(card_page.table_of(pages))
-    paths = [card_page.write(page, folder) for page in pages]
-    if len(pages) > 1:
-        stem = "_".join(map(slug, ("cards", *found.loads, *varied)))
-        paths.append(card_page.write_table(pages, stem, found.study.name, folder))
-    for path in paths:
+        say("\n".join(terminal.lines(card_page.brief(found.pages[0]))))
+    if len(found.pages) > 1:
+        say_table(card_page.table_of(found.pages))
+    for path in found.write():
         say(str(path))

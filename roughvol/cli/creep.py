@@ -62,7 +62,7 @@ def creep(
     found = opened(run, changes)
     history = roughvol.creep(found, law, at=state, times=times, budget=budget, jobs=jobs)
     if as_json:
-        say_json({"run": found.name, "leg": 1} | over_time.record(history))
+        say_json({"run": found.name, "leg": 1} | history.plain())
         return
     say(f"{titled(found.name, found.dataset)}: at {history.pressure:.4g} {history.pressure_unit}; {history.body}")
     say_table(over_time.table_of(history))

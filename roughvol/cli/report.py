@@ -37,8 +37,7 @@ def report(
 
     found = roughvol.report_on(run, changes=changes)
     warn(found.refused)
-    folder = found.runs[0].folder if len(found.runs) == 1 else Path("runs/report")
-    written = page.write(found.report, out or folder)
+    written = found.write(out)
     if as_json:
         say_json(found.plain())
     else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+import roughvol
 from roughvol.cli.options import CSV, JSON, RUN, SET, at, examples
 from roughvol.cli.output import say, say_numbers, say_table
 
@@ -29,19 +30,19 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool, 
     """
     check_one_form(as_csv=as_csv, as_json=as_json)
     from roughvol.analysis.stored_run import Run
+    from roughvol.questions import opened
     from roughvol.report import screen
-    from roughvol.store import StoredRun
-    from roughvol.study import parse
+    from roughvol.study import levels
 
-    stored, wanted = StoredRun.open(run, changes), [parse(text) for text in states]
-    opened = Run.of(stored.name, stored.dataset)
+    found = opened(run, changes)
     if as_csv or as_json:
-        say_numbers(opened.name, *screen.records(opened, wanted), as_csv=as_csv)
+        say_numbers(found.name, *roughvol.show(found, states), as_csv=as_csv)
         return
-    for part in opened.parts:
-        for table in screen.shown(part, wanted):
-            say_table(table.under(part.name.removeprefix(opened.name).removeprefix(", ")))
-    if answer := opened.dataset.attrs.get("answer"):
+    named = Run.of(found.name, found.dataset)
+    for part in named.parts:
+        for table in screen.shown(part, levels(states)):
+            say_table(table.under(part.name.removeprefix(named.name).removeprefix(", ")))
+    if answer := named.dataset.attrs.get("answer"):
         say(answer)
 
 

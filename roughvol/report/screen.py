@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from xarray import Dataset
@@ -25,14 +25,40 @@ from roughvol.report.states import P, Row, States, every_step
 from roughvol.store.variants import parts_of
 from roughvol.study import Level, Quantity, parse
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
 STIFFNESS, NOMINAL = "interfacial_stiffness", "nominal_pressure"
 BETWEEN_STEPS = "K is a difference between steps: the table of all steps has its error."
 MANY = 14  # states of a sweep to listed loads that are all shown after a run
 EQUAL = 5  # loads of a comparison
 CASE = ("D", "m", "seed", "case")
 
-Records = tuple[list[str], list[list[Any]], dict[str, str]]
-"""Names, rows of plain numbers, and units by name, for CSV and JSON."""
+
+class Records(NamedTuple):
+    """Numbers as rows, for CSV, JSON and pandas.
+
+    Attributes
+    ----------
+    names : list of str
+        Stored names of the columns.
+    rows : list of list
+        Plain numbers and text; None for a number that is missing.
+    units : dict
+        Unit by name.
+    """
+
+    names: list[str]
+    rows: list[list[Any]]
+    units: dict[str, str]
+
+    def frame(self) -> DataFrame:
+        """Return the rows as a DataFrame of pandas; its ``attrs["units"]`` has the units."""
+        import pandas as pd
+
+        frame = pd.DataFrame(self.rows, columns=self.names)
+        frame.attrs["units"] = self.units
+        return frame
 
 
 def _named(run: Run, units: dict[str, str] | None = None) -> list[tuple[str, Dataset]]:
@@ -190,7 +216,7 @@ def _of_each_surface(states: Sequence[tuple[State, Dataset]], names: Sequence[st
 def _plain_rows(rows: Sequence[dict[str, Any]], units: dict[str, str]) -> Records:
     """Return the names of rows, their values in this order, and units."""
     names = list(dict.fromkeys(name for row in rows for name in row))
-    return names, [[_plain(row.get(name)) for name in names] for row in rows], units
+    return Records(names, [[_plain(row.get(name)) for name in names] for row in rows], units)
 
 
 def _plain(value: Any) -> Any:

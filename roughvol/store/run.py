@@ -19,10 +19,12 @@ from typing import TYPE_CHECKING
 
 from roughvol.errors import DatasetError, FolderError, Problem, StudyError, SurfaceError
 from roughvol.store import run_folder, same_study, sample_plan
-from roughvol.study import HeightFile, Study, load, loads
+from roughvol.study import HeightFile, Study, changes_of, load, loads
 
 if TYPE_CHECKING:
     from xarray import Dataset
+
+    from roughvol.typing import Changes
 
 RUNS = Path("runs")
 RESULTS = "study.nc"
@@ -89,7 +91,7 @@ class StoredRun:
         return _whole(self.file).name
 
 
-def open(run: str | Path | None = None) -> Dataset:
+def open(run: str | Path | None = None, *, changes: Changes = ()) -> Dataset:
     """Return the results of a run, or a dataset that was saved with ``to_netcdf``.
 
     Parameters
@@ -97,6 +99,8 @@ def open(run: str | Path | None = None) -> Dataset:
     run : path, optional
         The folder of a run, its ``study.nc``, a name under ``runs``, or a study file, whose results the run must hold.
         Default: the latest run with results.
+    changes : mapping or sequence of str
+        Other values of keys of the study, as ``{"surface.m": 6}``: the run holds their results.
 
     Returns
     -------
@@ -124,7 +128,7 @@ def open(run: str | Path | None = None) -> Dataset:
     >>> bool((roughvol.open("tiny")["free_volume"] == ds["free_volume"]).all())
     True
     """
-    return _opened(run)[1]
+    return _opened(run, changes_of(changes))[1]
 
 
 def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, Dataset, Study | None]:

@@ -4,6 +4,9 @@ from .axes import Variant as Variant
 from .case import ANSWER_FORMAT as ANSWER_FORMAT
 from .case import Case as Case
 from .plain_data import Arguments as Arguments
+from .python_data import changes_of as changes_of
+from .python_data import text_of_value as text_of_value
+from .reading import changed as changed
 from .reading import load as load
 from .reading import loads as loads
 from .reading import of_data as of_data
@@ -52,7 +55,10 @@ from .values.state_kinds import STATE_KINDS as STATE_KINDS
 from .values.state_kinds import Level as Level
 from .values.state_kinds import Scale as Scale
 from .values.state_kinds import StateKind as StateKind
+from .values.state_kinds import level as level
+from .values.state_kinds import levels as levels
 from .values.state_kinds import parse as parse
 from .values.units import Quantity as Quantity
 from .values.units import convert as convert
+from .values.units import quantity as quantity
 from .values.units import read as read

@@ -23,12 +23,12 @@ from roughvol.study.plain_data import (
     UnreadableError,
     key_path,
     key_text,
-    plain,
     printable,
     put,
     show,
     write,
 )
+from roughvol.study.python_data import plain
 from roughvol.study.sections.surface import UNSAID
 from roughvol.study.study import Study
 from roughvol.study.validation import translated
@@ -102,7 +102,7 @@ def _holds_results(path: str | Path) -> str:
     return f"holds results and is no study file: roughvol.open({str(path)!r}) returns them, roughvol show prints them"
 
 
-def of_data(data: Mapping[str, Any], arguments: Arguments = STUDY) -> Study:
+def of_data(data: Mapping[str, Any], arguments: Arguments = STUDY, changes: Sequence[str] = ()) -> Study:
     """Return the study of Python data, as a dict with the keys of a study file.
 
     Parameters
@@ -112,6 +112,8 @@ def of_data(data: Mapping[str, Any], arguments: Arguments = STUDY) -> Study:
         current folder.
     arguments : Arguments
         Names of the keys in messages. Default: ``study["surface"]["L"]``.
+    changes : sequence of str
+        Keys set to other values, as ``surface.m=6``.
 
     Returns
     -------
@@ -129,7 +131,27 @@ def of_data(data: Mapping[str, Any], arguments: Arguments = STUDY) -> Study:
     except RecursionError as error:
         message = "nested too deep, or a mapping that contains itself"
         raise StudyError([Problem(message, argument=arguments.of(""))]) from error
-    return _study(text, "", Path("study"), arguments=arguments, problems=problems)
+    return _study(text, "", Path("study"), changes=changes, arguments=arguments, problems=problems)
+
+
+def changed(study: Study, changes: Sequence[str]) -> Study:
+    """Return a study with keys set to other values.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    changes : sequence of str
+        As ``surface.m=6``.
+
+    Returns
+    -------
+    Study
+        The changed study.
+    """
+    return (
+        study.changed(**{key_text(keys): value for keys, value in map(_key_and_value, changes)}) if changes else study
+    )
 
 
 def loads(text: str, file: str | Path = "<string>", *, stored: bool = False, changes: Sequence[str] = ()) -> Study:
@@ -213,20 +235,27 @@ def _study(
 
 def _change(data: dict[str, Any], marks: dict[KeyPath, tuple[int, int]], change: str) -> KeyPath:
     """Set a key of plain data, as ``surface.m=6``, and return its path; it has the line of its mapping."""
+    keys, value = _key_and_value(change)
+    try:
+        put(data, keys, value)
+    except ValueError as error:
+        raise StudyError([Problem(str(error), key_text(keys), file=SET)]) from error
+    for path in [path for path in marks if path[: len(keys)] == keys]:
+        del marks[path]
+    marks[keys] = _mark(marks, keys)
+    return keys
+
+
+def _key_and_value(change: str) -> tuple[KeyPath, Any]:
+    """Return the key and the value of a text as ``surface.m=6``."""
     name, equals, text = change.partition("=")
     keys = key_path(name)
     if not equals or not keys:
         raise StudyError([Problem(f"must be KEY=VALUE, as surface.m=6, given {show(change)}", file=SET)])
     try:
-        put(data, keys, Reading().read(f"value: {text.strip()}")["value"])
+        return keys, Reading().read(f"value: {text.strip()}")["value"]
     except UnreadableError as error:
         raise StudyError([Problem(f"{text.strip()!r}: {error}", name.strip(), file=SET)]) from error
-    except ValueError as error:
-        raise StudyError([Problem(str(error), name.strip(), file=SET)]) from error
-    for path in [path for path in marks if path[: len(keys)] == keys]:
-        del marks[path]
-    marks[keys] = _mark(marks, keys)
-    return keys
 
 
 def _mark(marks: dict[KeyPath, tuple[int, int]], key: KeyPath) -> tuple[int, int]:

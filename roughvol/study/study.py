@@ -24,7 +24,8 @@ from roughvol.study import axes
 from roughvol.study.axes import Axis, Variant
 from roughvol.study.case import Case
 from roughvol.study.file import StudyFile
-from roughvol.study.plain_data import KeyPath, Places, key_path, key_text, plain, put, write
+from roughvol.study.plain_data import KeyPath, Places, key_path, key_text, put, write
+from roughvol.study.python_data import plain
 from roughvol.study.rules import RULES
 from roughvol.study.sections import ensemble as ensembles
 from roughvol.study.sections import surface as surfaces

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 METRES = {"pm": 1e-12, "angstrom": 1e-10, "nm": 1e-9, "um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3}
-_SPELLED = dict.fromkeys(("\u00b5m", "\u03bcm", "micron", "microns"), "um")
+_SPELLED = dict.fromkeys(("\u00b5m", "\u03bcm", "\u00b5", "micron", "microns"), "um")
 _SPELLED |= dict.fromkeys(("\u00c5", "\u212b", "A", "angstroms"), "angstrom")
 _PREFIXES = {"pico": "pm", "nano": "nm", "micro": "um", "milli": "mm", "centi": "cm", "kilo": "km", "": "m"}
 _WORD = re.compile(rf"({'|'.join(_PREFIXES)})[-_ ]?met(?:er|re)s?", re.IGNORECASE)

@@ -397,7 +397,13 @@ def show_json(made: Made) -> int:
     """The numbers of every surface at all steps and at loads, `roughvol show RUN --json`."""
     every = json.loads(call(made, "show", made.kind.asked, "--json"))
     some = json.loads(call(made, "show", made.kind.asked, "--json", *_at(made)))
+    for found, loads in ((every, ()), (some, made.kind.at)):
+        alike(made, found["rows"], lambda loads=loads: _rows(*roughvol.show(made.kind.asked, loads)[:2]))
     return check_rows(made, every["rows"], ()) + check_rows(made, some["rows"], made.kind.at)
+
+
+def _rows(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> list[dict[str, Any]]:
+    return [dict(zip(names, row, strict=True)) for row in rows]
 
 
 def show_csv(made: Made) -> int:
@@ -430,7 +436,7 @@ def compare_json(made: Made) -> int:
     found = json.loads(call(made, "compare", made.kind.asked, beside, "--at", load, "--json"))["rows"]
     with python(made):
         names, rows, _ = roughvol.compare([made.kind.asked, beside], [load]).records()
-    assert [dict(zip(names, row, strict=True)) for row in rows] == found
+    assert _rows(names, rows) == found
     assert len(found) == len(made.groups) + len(other.groups)
     count = 0
     for row in found:

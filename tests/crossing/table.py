@@ -93,6 +93,7 @@ CELLS = {
     "status": Cells(f"{PRESSED} unpressed", OTHER_RUN),
 }
 TOGETHER = {
+    "roughvol.show": "show --json",
     "roughvol.compare": "compare --json",
     "roughvol.report_on": "report",
     "roughvol.card": "card",
@@ -106,12 +107,14 @@ NOT_ASKED = {
     "ds.roughvol.derived": "numbers that `ds.roughvol.at` and the tables have at loads",
     "ds.roughvol.in_units": "the same numbers in other units",
     "ds.roughvol.mean": "the means that the tables have",
+    "ds.roughvol.quantity": "one variable of the same numbers, with its unit",
     "explain": "describes keys and variables; it reads no run",
     "init": "writes an example study; it reads no run",
     "ls": "lists the runs of a folder; it prints no number of a surface",
     "schema": "prints the schema of study files; it reads no run",
     "tradeoff": "measures error and time of the solver on surfaces of its own; it reads no run",
     "roughvol.runs": "lists the runs of a folder, as ls",
+    "roughvol.explain": "describes keys and variables, as explain",
     "roughvol.tradeoff": "measures error and time of the solver, as tradeoff",
     "roughvol.load": "reads a study file; it reads no run",
     "roughvol.RoughvolWarning": "the class of warnings",

@@ -23,13 +23,15 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
 from roughvol.errors import Problem, StudyError
-from roughvol.study.plain_data import KeyPath, Reading, UnreadableError, key_text
+from roughvol.study.plain_data import Arguments, KeyPath, Reading, UnreadableError, key_text, write
+from roughvol.study.python_data import plain, text_of_value
 from roughvol.study.sections.material import ContactModulus, YoungPoisson
 from roughvol.study.sections.strict import Strict
 from roughvol.study.validation import in_words
@@ -38,6 +40,7 @@ from roughvol.study.values.units import In, convert, in_unit, read, unit_of
 
 Time = Annotated[Positive, In("time", needed=True)]
 Modulus = Annotated[Positive, In("pressure", needed=True)]
+ARGUMENTS = Arguments("creep", {"": "argument law"})
 _PER_DECADE = 4  # times of a range, each decade
 _MOST = 1000
 
@@ -214,13 +217,13 @@ class Creep(Strict):
         return convert(float(own), unit, "Pa")
 
 
-def load_creep(path: Path) -> Creep:
-    """Return the creep law of a YAML file.
+def load_creep(given: str | Path | Mapping[str, Any]) -> Creep:
+    """Return the creep law of a YAML file, or of a mapping with its keys.
 
     Parameters
     ----------
-    path : path
-        The file.
+    given : path or mapping
+        The file, or the law.
 
     Returns
     -------
@@ -234,16 +237,20 @@ def load_creep(path: Path) -> Creep:
     """
     reading = Reading("a creep law is a mapping (key: value) with one of prony, power, table")
     problems: dict[KeyPath, str] = {}
+    file, arguments = ("", ARGUMENTS) if isinstance(given, Mapping) else (str(given), None)
     try:
-        law = Creep.model_validate(reading.read(path.read_text(encoding="utf-8")))
+        if isinstance(given, Mapping):
+            law = Creep.model_validate(reading.read(write(plain(given, problems))))
+        else:
+            law = Creep.model_validate(reading.read(Path(given).read_text(encoding="utf-8")))
     except (OSError, UnicodeDecodeError) as error:
-        raise StudyError([Problem(f"cannot read the creep law: {error}", file=str(path))]) from error
+        raise StudyError([Problem(f"cannot read the creep law: {error}", file=file)]) from error
     except UnreadableError as error:
-        raise StudyError([Problem(str(error), line=error.line, file=str(path))]) from error
+        raise StudyError([Problem(str(error), line=error.line, file=file)]) from error
     except ValidationError as error:
-        problems = {item["loc"]: _message(item) for item in error.errors(include_url=False)}
+        problems = {item["loc"]: _message(item) for item in error.errors(include_url=False)} | problems
     if problems := problems | reading.problems:
-        places = reading.places(str(path))
+        places = reading.places(file, arguments)
         raise StudyError([places.of(Problem(text, key_text(key))) for key, text in problems.items()])
     return law
 
@@ -256,13 +263,13 @@ def _message(item: Any) -> str:
     return f"unknown key; allowed: {', '.join((form if item['loc'][1:] else Creep).model_fields)}"
 
 
-def read_times(text: str) -> list[float]:
-    """Return times of a command line in seconds.
+def read_times(times: Any) -> list[float]:
+    """Return times in seconds.
 
     Parameters
     ----------
-    text : str
-        A range, as ``1 s..10 day``, or a list, as ``1 s, 1 h, 1 day``.
+    times : str, sequence or Quantity
+        A range, as ``1 s..10 day``, or a list, as ``1 s, 1 h, 1 day`` or ``["1 s", "1 h"]``.
 
     Returns
     -------
@@ -274,6 +281,8 @@ def read_times(text: str) -> list[float]:
     StudyError
         If they are no times, or do not rise.
     """
+    listed = text_of_value(times, "times")
+    text = ", ".join(listed) if isinstance(listed, list) else listed
     first, dots, last = text.partition("..")
     try:
         given = [_seconds(read(part.strip(), "time")) for part in ((first, last) if dots else text.split(","))]

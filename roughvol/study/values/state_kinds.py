@@ -11,12 +11,17 @@ a load grows with a power of the indentation: 4.2e-6 at most over 24 surfaces of
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from roughvol.errors import DatasetError
 from roughvol.study.plain_data import number_text
+from roughvol.study.python_data import text_of_value
 from roughvol.study.values.units import EXAMPLES, Quantity, Written, convert, read, unit_of
+
+if TYPE_CHECKING:
+    from roughvol.typing import Load, Loads
 
 
 @dataclass(frozen=True)
@@ -178,6 +183,70 @@ def parse(text: str) -> Level:
     if kind.needs_unit and not isinstance(level.value, Quantity):
         raise DatasetError(f"{text}: needs its unit, as {name}={EXAMPLES[kind.unit].replace(' ', '')}")
     return level
+
+
+def levels(loads: Loads | Level) -> list[Level]:
+    """Return the levels of loads in the forms of Python.
+
+    Parameters
+    ----------
+    loads : str, mapping, Level, or sequence
+        A text of `parse`, a mapping as ``{"pressure": "0.5 MPa", "leg": 2}``, or several of them. A value may be a
+        quantity of pint; a list or an array of values is as many levels.
+
+    Returns
+    -------
+    list of Level
+        The levels.
+
+    Raises
+    ------
+    DatasetError
+        If a load is no level.
+    """
+    if isinstance(loads, Level):
+        return [loads]
+    if isinstance(loads, Mapping):
+        return [parse(text) for text in _texts(loads)]
+    if isinstance(loads, Sequence) and not isinstance(loads, str):
+        return [level for load in loads for level in levels(load)]
+    return [parse(str(loads))]
+
+
+def level(load: Load | Level) -> Level:
+    """Return the level of one load.
+
+    Parameters
+    ----------
+    load : str, mapping or Level
+        As for `levels`.
+
+    Returns
+    -------
+    Level
+        The level.
+
+    Raises
+    ------
+    DatasetError
+        If the load is no level, or several.
+    """
+    found = levels(load)
+    if len(found) != 1:
+        raise DatasetError(f"one load is taken, given {len(found)}; as 'last' or {{'pressure': '0.5 MPa'}}")
+    return found[0]
+
+
+def _texts(load: Mapping[str, object]) -> list[str]:
+    """Return a mapping of one kind, and of a leg, as texts of `parse`."""
+    kinds = [kind for kind in load if kind != "leg"]
+    if len(kinds) != 1:
+        raise DatasetError(
+            f"a load has one kind, given {', '.join(map(str, kinds)) or 'none'}; as {{'pressure': '0.5 MPa'}}"
+        )
+    values = text_of_value(load[kinds[0]], kinds[0])
+    leg = "" if load.get("leg") is None else f", leg {load['leg']}"
+    return [f"{kinds[0]}={value}{leg}" for value in (values if isinstance(values, list) else [values])]
 
 
 def slack(kind: str, value: float, share: float = REACHED) -> float:

@@ -110,6 +110,49 @@ def convert(value: float, given: str, wanted: str) -> float:
     return float(registry.Quantity(value, _spelled(given)).to(_spelled(wanted)).magnitude)
 
 
+def quantity(values: Any, given: str, wanted: Any = None, registry: Any = None) -> Any:
+    """Return stored values as a quantity of pint.
+
+    Parameters
+    ----------
+    values : array_like
+        Values in the unit ``given``.
+    given : str
+        A unit of a study, or 1.
+    wanted : str or Unit, optional
+        Another unit of the same dimension, known to the registry. Default: ``given``, or base units if the registry
+        does not know it, as sccm.
+    registry : pint.UnitRegistry, optional
+        Registry of the quantity. Default: that of the application.
+
+    Returns
+    -------
+    Quantity
+        The values with their unit.
+
+    Raises
+    ------
+    ValueError
+        If the unit is not known, or of another dimension.
+    """
+    import pint
+
+    registry = pint.get_application_registry() if registry is None else registry
+    try:
+        own = _registry().Quantity(1.0, _spelled(given))
+        try:
+            found = registry.Quantity(values, _spelled(given))
+        except pint.UndefinedUnitError:
+            found = registry.Quantity(values * own.to_base_units().magnitude, f"{own.to_base_units().units}")
+        return found if wanted is None else found.to(_spelled(wanted) if isinstance(wanted, str) else wanted)
+    except pint.UndefinedUnitError as error:
+        if given.startswith("length"):
+            raise ValueError("the lengths have no unit; a study with one has surface: {L: 100 um}") from error
+        raise ValueError(f"{error}") from error
+    except (pint.PintError, *_NOT_KNOWN) as error:
+        raise ValueError(f"{error}") from error
+
+
 def in_unit(value: float, wanted: str | None) -> float:
     """Return a number of a study in a unit; a plain number is in that unit already."""
     given = unit_of(value)
@@ -119,6 +162,14 @@ def in_unit(value: float, wanted: str | None) -> float:
 def counts_substance(unit: str) -> bool:
     """Return whether a unit of throughput is one of standard volume over time, as sccm, ksccm or slpm."""
     return _STANDARD.search(str(_registry().parse_units(_spelled(unit)))) is not None
+
+
+def is_known(unit: str) -> bool:
+    """Return whether a text is a unit that a study may name; of length, one of those of stored lengths."""
+    if not unit or named(unit) or any(unit in _listed(kind) for kind in KINDS):
+        return True
+    measured = _dimension(unit)
+    return measured is not None and measured != _registry().get_dimensionality("[length]")
 
 
 def length_unit(text: Any) -> str | None:
@@ -231,7 +282,7 @@ def _checked(unit: str, kind: str) -> str:
     if kind == "length" and (name := named(unit)):
         return name
     dimension, allowed = KINDS[kind]
-    if kind != "length" and unit in allowed.removesuffix(" and the like").split(", "):
+    if kind != "length" and unit in _listed(kind):
         return unit  # without pint, whose registry takes a quarter of a second
     measured = _dimension(unit)
     if measured is None:
@@ -242,6 +293,11 @@ def _checked(unit: str, kind: str) -> str:
     if kind == "length":
         refuse(f"'{unit}' is no unit of length of a study; allowed: {allowed}")
     return unit
+
+
+def _listed(kind: str) -> list[str]:
+    """Return the units of a kind that messages name."""
+    return KINDS[kind][1].removesuffix(" and the like").split(", ")
 
 
 def _dimension(unit: str) -> Any:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
+from roughvol.surfaces.length_units import named
 from roughvol.typing import Array
 
 KEPT = ("units", "unit", "axis", "positive")  # attributes of xarray that the reader of netCDF knows
@@ -86,7 +87,10 @@ def _numbers(heights: Any) -> tuple[Array, Text]:
     """Return heights as numbers, NaN where they are missing, and their unit if they are a quantity of pint."""
     unit = {}
     if hasattr(heights, "magnitude") and hasattr(heights, "units"):
-        unit, heights = {"units": f"{heights.units:~C}"}, heights.magnitude
+        text = f"{heights.units:~C}"
+        if named(text) is None and heights.check("[length]"):  # an inch, or a unit of the user
+            text, heights = "m", heights.to("m")
+        unit, heights = {"units": text}, heights.magnitude
     try:
         array: NDArray[Any] = np.ma.asarray(heights) if np.ma.isMaskedArray(heights) else np.asarray(heights)
     except (TypeError, ValueError) as error:  # rows of unequal length

@@ -1,0 +1,155 @@
+"""Objects of Python to plain data (text, numbers, lists, mappings).
+
+Numbers of numpy, decimals and fractions are numbers, arrays are lists, paths are text. A quantity of pint is the text
+of its number and unit, as ``10 MPa``. Where a study does not know the unit, as an inch or a unit of the user, the text
+has base units. A number of xarray has the unit of its attribute ``units``. Attributes tell these types apart.
+"""
+
+from __future__ import annotations
+
+import json
+import numbers
+import os
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from roughvol.errors import Problem, StudyError
+from roughvol.study.plain_data import KeyPath, key_text, number_text
+from roughvol.study.values.units import is_known
+
+if TYPE_CHECKING:
+    from roughvol.typing import Changes
+
+ALLOWED = "text, a number, a path, a list or a mapping"
+LONGEST = 1024  # bits of a whole number; floats end there
+NO_UNIT = ("", "1", "length")  # attributes `units` of numbers without a unit
+PERCENT = "%"  # a share of a mean in an ensemble, and no number
+DIFFERENCE = "Δ"  # of temperatures
+
+
+def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
+    """Return an object of Python as plain data; ``problems`` receives a message for each that is none."""
+    if value is None or isinstance(value, bool):
+        return value
+    if isinstance(value, str) or (isinstance(value, float) and hasattr(value, "unit")):
+        return str(value)
+    if isinstance(value, Mapping) and not hasattr(value, "coords"):
+        return _plain_mapping(value, problems, path)
+    number, unit = measured(value)
+    if unit:
+        return _with_unit(plain(number, problems, path), unit)
+    if isinstance(number, numbers.Integral):
+        whole = int(number)
+        if whole.bit_length() <= LONGEST:
+            return whole
+        problems[path] = f"must be a finite number, given a whole number of {whole.bit_length()} bits"
+        return None
+    if isinstance(number, numbers.Real):
+        return float(number)
+    if isinstance(number, os.PathLike) and isinstance(text := os.fspath(number), str):
+        return text
+    if getattr(number, "ndim", 0) > 1:
+        message = f"must be {ALLOWED}, given an array of shape {number.shape}"
+        problems[path] = f"{message}; heights in memory are surface.heights"
+        return None
+    if hasattr(number, "dimensionality"):  # a unit of pint
+        return f"{number:~C}"
+    if hasattr(number, "tolist") and not isinstance(number, numbers.Number):
+        return plain(number.tolist(), problems, path)
+    if isinstance(number, Sequence) and not isinstance(number, bytes | bytearray | memoryview):
+        return [plain(item, problems, (*path, index)) for index, item in enumerate(number)]
+    problems[path] = f"must be {ALLOWED}, given a value of the type {type(number).__name__}"
+    return None
+
+
+def text_of_value(value: Any, name: str) -> Any:
+    """Return a value, or a list of values, as the text of a command line.
+
+    Parameters
+    ----------
+    value : object
+        A number of Python or numpy, text, or a quantity of pint; a list or an array of them.
+    name : str
+        Its name in messages.
+
+    Returns
+    -------
+    str or list of str
+        As ``10 MPa``.
+
+    Raises
+    ------
+    StudyError
+        If the value is none of them.
+    """
+    problems: dict[KeyPath, str] = {}
+    data = plain(value, problems)
+    if problems:
+        raise StudyError([Problem(text, f"{name}{key_text(path)}") for path, text in problems.items()])
+    return [_text(item) for item in data] if isinstance(data, list) else _text(data)
+
+
+def _text(data: Any) -> str:
+    return data if isinstance(data, str) else json.dumps(data, ensure_ascii=False)
+
+
+def changes_of(changes: Changes) -> tuple[str, ...]:
+    """Return changes of a study as the texts of ``--set``.
+
+    Parameters
+    ----------
+    changes : mapping, str or sequence of str
+        As ``{"surface.m": 6}`` or ``"surface.m=6"``.
+
+    Returns
+    -------
+    tuple of str
+        As ``surface.m=6``.
+
+    Raises
+    ------
+    StudyError
+        If a value is no plain data.
+    """
+    if isinstance(changes, str):
+        return (changes,)
+    if not isinstance(changes, Mapping):
+        return tuple(changes)
+    problems: dict[KeyPath, str] = {}
+    data = plain(changes, problems)
+    if problems:
+        raise StudyError([Problem(text, key_text(path)) for path, text in problems.items()])
+    return tuple(f"{key}={_text(value)}" for key, value in data.items())
+
+
+def measured(value: Any) -> tuple[Any, str]:
+    """Return the number of an object and its unit, as ``MPa``; other objects unchanged, and an empty text."""
+    unit = ""
+    if hasattr(value, "coords") and hasattr(value, "attrs") and hasattr(value, "data"):  # a DataArray
+        unit, value = str(value.attrs.get("units", "")).strip(), value.data
+        unit = "" if unit in NO_UNIT else unit
+    if hasattr(value, "magnitude") and hasattr(value, "units"):  # a quantity of pint, of any registry
+        unit = f"{value.units:~C}"
+        if not (unit == PERCENT or unit.startswith(DIFFERENCE) or is_known(unit)):
+            value = value.to_base_units()
+            unit = f"{value.units:~C}"
+        value = value.magnitude
+    return value, unit
+
+
+def _plain_mapping(value: Mapping[Any, Any], problems: dict[KeyPath, str], path: KeyPath) -> dict[str, Any]:
+    data: dict[str, Any] = {}
+    for key, inner in value.items():
+        if isinstance(key, str):
+            data[str(key)] = plain(inner, problems, (*path, str(key)))
+        else:
+            problems[(*path, str(key))] = f"a key must be text, given {key!r} of the type {type(key).__name__}"
+    return data
+
+
+def _with_unit(number: Any, unit: str) -> Any:
+    """Return numbers with their unit as text, other values unchanged."""
+    if isinstance(number, list):
+        return [_with_unit(item, unit) for item in number]
+    is_number = isinstance(number, int | float) and not isinstance(number, bool)
+    return f"{number_text(number)} {unit}" if is_number else number
