@@ -2,7 +2,7 @@
 
 =========  ==================================================================================================
 solver     the flow falls where a gap falls, and every gap is right to η: certified, under fluid pressure estimated
-grid       on a finer grid every load is larger by about the same factor: leak and closing load move along with it
+grid       on a finer grid loads rise with the slope: closing load and leak move along with it
 window     several surfaces: t interval of the logarithms; one map: that of its quadrants
 levelling  change with another levelling of a file
 =========  ==================================================================================================
@@ -49,13 +49,13 @@ EXACT = 1e-8  # accuracy of the flows whose ratios are the part of the solver
 OF_MEDIAN = math.sqrt(0.5 * math.pi)
 FLOW, ERROR, SWEEP = "leak_rate", "transmissivity_error", "the sweep"
 STEEPEST = 10.0  # largest power of the indentation with which p* rises
-# Loads of a surface 4 times finer over those of its scan, as logarithms: python -m tests.bench.card_coverage
-RISE, FALL = 1.0, 0.12
-ROUGH = (
-    0.2  # logarithm of the closing load over that at twice the spacing: from here on the map is rough at its spacing
-)
-OCTAVES = 2.0  # of the spacing down to a quarter: a leak changes at most as much in each as from twice the spacing
-FINER = "of surfaces 4 times finer, closing loads were × 0.89 to 2.7 in 91 %"
+# From the spacing of a map down to a quarter: python -m tests.bench.card_coverage
+OCTAVES = 2.0  # a leak changes at most as much in each as from twice the spacing; its loads rise as the slope
+PIXEL = 1.0  # octave of the closing load that means over pixels take off the map
+SCATTER = 0.25  # logarithm of the closing load: on a finer grid another channel closes last
+OPEN = 0.5  # share of it for leaks, which pass through several channels
+ROUGH = 0.2  # change of the closing load from twice the spacing, from which on the scatter is whole
+STEEP = 0.25  # growth of the slope in an octave, a fractal dimension of 2.36
 QUADRANTS = 1.2  # quadrants of a map share its long waves: python -m tests.bench.window_coverage
 FAR, LEAST_SLOPE = 20.0, 1e-6  # logarithm of loads before the first state; of a leak over that of the load
 NEARER = 2.0 ** -np.arange(1.0, 31.0)  # distances to the closing load over that of the last state
@@ -399,7 +399,7 @@ def _way(
 ) -> Way:
     """Return the leak along one axis with its closing and its error."""
     leak = _number(fine, axis)
-    finer = [_finer(one, others[0] if others else None) for one, *others in _rows(fine, coarser)]
+    finer = [_Finer.of(one, others) for one, *others in _rows(fine, coarser)]
     window = _window_of_loads(fine, axis)
     of_load = [_solved(fine, axis), _grid_of_loads(fine, coarser, finer, axis), window]
     if levelled is not None:
@@ -545,35 +545,64 @@ def _gap(one: _Loaded, axis: str, *, lifted: bool) -> tuple[Array, bool]:
     return np.asarray(gap[window]), bool(inside[solved].all())
 
 
-def _finer(one: _Loaded, other: _Loaded | None) -> tuple[float, float]:
-    """Return by how much loads may be smaller and larger on a finer grid, as logarithms; NaN without a coarser grid.
+@dataclass(frozen=True)
+class _Finer:
+    """What a grid 4 times finer may change, as logarithms; NaN without a coarser grid.
 
-    How much the loads of a surface change below the spacing of its map, the map does not show: its changes at 2 and 4
-    times the spacing and those at a quarter are uncorrelated, but for maps that are smooth at their spacing.
+    At one contact area the load goes with the slope. If the spectrum goes on below the map, slopes grow in each octave
+    by ``growth``; if the spectrum ends at the map, they stay. The map does not show which.
     """
-    if other is None:
-        return math.nan, math.nan
-    closings = [(one.closing(axis).value, other.closing(axis).value) for axis in AXES]
-    changes = [math.log(here / there) for here, there in closings if math.isfinite(here) and there > 0.0]
-    rough = min(1.0, max(0.0, *changes) / ROUGH) if changes else 1.0
-    return FALL * rough, RISE * rough
+
+    growth: float  # of the slope in an octave
+    scatter: float  # of the closing load
+
+    @classmethod
+    def of(cls, one: _Loaded, others: Sequence[_Loaded]) -> _Finer:
+        """Return what follows from the same surface on coarser grids, those at twice the spacing first.
+
+        Slopes grow below the map as in the last octave but one, or by less as far as the last octave has less: there a
+        spectrum that ends shows. Heights at points have slopes of shorter waves in their last octave as well.
+        """
+        if not others:
+            return cls(math.nan, math.nan)
+        closings = [(one.closing(axis).value, others[0].closing(axis).value) for axis in AXES]
+        changes = [abs(math.log(here / there)) for here, there in closings if math.isfinite(here) and there > 0.0]
+        scatter = SCATTER * min(1.0, max(changes, default=ROUGH) / ROUGH)
+        slopes = [float(grid.table["Sdq"][0]) for grid in (one, *others)]
+        if not min(slopes) > 0.0:
+            return cls(0.0, scatter)
+        last, *before = (math.log(here / there) for here, there in itertools.pairwise(slopes))
+        return cls(max(0.0, min(before[0], 2.0 * last - before[0]) if before else last), scatter)
+
+    @property
+    def of_closing(self) -> tuple[float, float]:
+        """By how much closing loads may be smaller and larger."""
+        return self.scatter, self.scatter + (OCTAVES + PIXEL) * self.growth
+
+    @property
+    def of_leak(self) -> tuple[float, float]:
+        """By how much the loads of an open leak may be smaller and larger."""
+        return OPEN * self.scatter, OPEN * self.scatter + OCTAVES * self.growth
 
 
-def _finer_words(finer: Sequence[tuple[float, float]]) -> str:
-    share = float(np.mean([rise for _, rise in finer])) / RISE
-    return FINER if share == 1.0 else f"{FINER}, taken to {100.0 * share:.0f} %: the map is smooth at its spacing"
+def _finer_words(finer: Sequence[_Finer]) -> str:
+    growth = float(np.mean([one.growth for one in finer]))
+    if growth == 0.0:
+        return "slopes grow no more at this spacing: the spectrum ends before it"
+    counts = ": roughness below the spacing counts" if growth >= STEEP else ""
+    return f"slopes grow × {math.exp(growth):.2f} as the spacing halves, and may go on so to a quarter of it{counts}"
 
 
 def _grid_of_loads(
     fine: Sequence[_Loaded],
     coarser: Sequence[tuple[str, list[_Loaded]]],
-    finer: Sequence[tuple[float, float]],
+    finer: Sequence[_Finer],
     axis: str,
 ) -> Part:
     """Return the part of the grid of the closing load."""
     if not coarser:
         return Part("grid", math.nan, NO_COARSER)
-    fall, rise = (float(np.mean(logs)) for logs in zip(*finer, strict=True))
+    fall, rise = (float(np.mean(logs)) for logs in zip(*(one.of_closing for one in finer), strict=True))
     return Part(
         "grid",
         math.exp(rise),
@@ -585,7 +614,7 @@ def _grid_of_loads(
 def _grid(
     fine: Sequence[_Loaded],
     coarser: Sequence[tuple[str, list[_Loaded]]],
-    finer: Sequence[tuple[float, float]],
+    finer: Sequence[_Finer],
     axis: str,
 ) -> Part:
     """Return the part of the grid of the leak: that of the loads, at most twice the change from twice the spacing."""
@@ -593,7 +622,8 @@ def _grid(
         return Part("grid", math.nan, NO_COARSER)
     words = ", ".join(f"{words}: {_change(fine, surfaces, axis)}" for words, surfaces in coarser)
     low, high = list[float](), list[float]()
-    for (one, other, *_), (fall, rise) in zip(_rows(fine, coarser), finer, strict=True):
+    for (one, other, *_), below in zip(_rows(fine, coarser), finer, strict=True):
+        fall, rise = below.of_leak
         here, change = one.leak(axis), math.exp(OCTAVES * abs(_log_ratio(one, other, axis)))
         low.append(np.nanmax([here / change, one.leak_if(axis, -fall), 0.0]))
         high.append(np.nanmin([here * change, one.leak_if(axis, rise), math.inf]))

@@ -6,6 +6,7 @@ import itertools
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from numpy.testing import assert_allclose
 from roughvol.analysis import leak_budget
 from roughvol.analysis.average import Average
 from roughvol.analysis.closing import Span
-from roughvol.analysis.leak_budget import card_of, check_reached
+from roughvol.analysis.leak_budget import _Finer, card_of, check_reached
 from roughvol.analysis.leak_card import Card, Closing, Part, Way
 from roughvol.campaign import card as card_runs
 from roughvol.campaign import execution
@@ -22,7 +23,9 @@ from roughvol.errors import DatasetError, StudyError
 from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.store.dataset import Dataset
 from roughvol.study import Level, Study, load, loads, parse
+from roughvol.surfaces import Spectrum, power_law_surface, texture
 from roughvol.surfaces.midpoint import random_midpoint_displacement
+from roughvol.surfaces.treatment import block_means
 
 DIMENSIONAL = "dimensional: {pressure: MPa, leak_rate: {pressure_drop: 10 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}"
 TEXT = f"""name: seal
@@ -280,19 +283,54 @@ def test_a_coarser_grid_that_closes_before_the_load_leaves_the_part_of_the_closi
 
     Every load may be larger on a finer grid: the leak is then that at a lighter load.
     """
-    text = VARIED.replace("seeds: 3", "seeds: [1]").replace("m: 5", "m: 6")
+    text = VARIED.replace("seeds: 3", "seeds: [1]").replace("m: 5", "m: 6").replace("steps: 8", "steps: 16")
     runs = card_runs.compute(loads(text), Level("pressure", 2.62), tmp_path, jobs=1)
     along_x, along_y = card_of([runs], "s", "").ways
     assert along_x.leak.value > 0.0
     assert "twice the spacing: closed" in _part(along_x, "grid").words
-    rise = next(part.factor for part in along_x.closing.parts if part.name == "grid")
-    assert rise > 1.0
+    of_load = next(part for part in along_x.closing.parts if part.name == "grid")
+    scatter, slopes = math.log(of_load.smaller), math.log(of_load.factor / of_load.smaller)
+    assert slopes > scatter > 0.0
+    octaves = leak_budget.OCTAVES / (leak_budget.OCTAVES + leak_budget.PIXEL)
+    rise = math.exp(leak_budget.OPEN * scatter + octaves * slopes)
     lighter = _leak_of(text, 2.62 / rise, "x", tmp_path / "lighter")
     assert_allclose(_part(along_x, "grid").factor, lighter / along_x.leak.value, rtol=0.05)
     assert _part(along_x, "grid").smaller == math.inf  # it closes at a load a little larger
     assert along_x.interval[0] == 0.0
     assert along_x.coarser[0][1].closed
     assert _part(along_y, "grid").known
+
+
+@pytest.mark.parametrize("D", [2.3, 2.5, 2.7])
+def test_slopes_below_the_map_grow_with_the_fractal_dimension(D: float) -> None:
+    """By (D - 2) ln 2 in an octave, of means over pixels; slopes of heights at points grow no less."""
+    grown = {"averaged": list[float](), "decimated": list[float]()}
+    for seed in range(4):
+        heights = random_midpoint_displacement(D, 9, seed=seed).heights
+        for sampled, map_ in (("averaged", block_means(heights, 4)), ("decimated", heights[::4, ::4])):
+            grown[sampled].append(_finer_than(map_).growth)
+    assert_allclose(np.mean(grown["averaged"]), (D - 2.0) * math.log(2.0), atol=0.05)
+    assert np.mean(grown["decimated"]) > np.mean(grown["averaged"])
+
+
+def test_slopes_do_not_grow_below_a_map_that_is_smooth_at_its_spacing() -> None:
+    waves = power_law_surface(Spectrum(rolloff=4, cut=16), 0.8, 128, seed=1).heights
+    smooth = _finer_than(waves)
+    assert smooth.growth == 0.0
+    assert smooth.of_closing == (smooth.scatter, smooth.scatter)
+    assert "ends before it" in leak_budget._finer_words([smooth])
+    assert "roughness below the spacing counts" in leak_budget._finer_words([_Finer(0.5, 0.1)])
+
+
+def _finer_than(heights: np.ndarray) -> _Finer:
+    """Return what a finer grid may change, of surfaces that close at one load on every grid."""
+    grids = []
+    for factor in (1, 2, 4):
+        slope = texture.Sdq(block_means(heights, factor), float(factor))
+        closing = Closing((Span(1.0, 1.0),), "")
+        grids.append(SimpleNamespace(table=Dataset({"Sdq": ("seed", [slope])}), closing=lambda axis, c=closing: c))
+    one, *others = grids
+    return _Finer.of(one, others)
 
 
 def test_a_closed_way_leaks_at_most_what_it_does_at_the_far_end_of_its_closing_load(tmp_path: Path) -> None:

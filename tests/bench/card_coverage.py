@@ -1,6 +1,6 @@
 """How often the intervals of a leak card hold leak and closing load of a finer surface: the parts grid and levelling.
 
-    python -m tests.bench.card_coverage --first 2000 --surfaces 68
+    python -m tests.bench.card_coverage --first 3000 --surfaces 68
 
 A surface of 257 × 257 elements is the truth. Each fourth height, or means of 4 × 4 heights, are the scan. Seeds below
 `FRESH` were used to set the rules of `roughvol.analysis.leak_budget`, those from `FRESH` on were not. Solved numbers
@@ -32,11 +32,11 @@ from roughvol.contact.loading import Contact, sweep
 from roughvol.gap import clusters, transport
 from roughvol.store.dataset import Dataset
 from roughvol.study import Level
-from roughvol.surfaces import Spectrum, Surface, power_law_surface, random_midpoint_displacement
+from roughvol.surfaces import Spectrum, Surface, power_law_surface, random_midpoint_displacement, texture
 from roughvol.surfaces.treatment import block_means, fill, level
 from roughvol.typing import Array, Sides
 
-FRESH = 2000
+FRESH = 3000
 COARSER, NODES = 4, 256  # scan over truth, nodes of the truth along a side
 FRACTIONS = (0.25, 0.5, 0.75)  # of the indentation at which the truth closes
 CURVE = np.linspace(0.1, 0.99, 10)  # of that at which the scan closes
@@ -117,6 +117,14 @@ def pressed_of(heights: Array, side: float, sides: Sides, downsample: int = 1, d
     return Surface(heights, side / (len(heights) - 1), sides=sides)
 
 
+def grids_of(kind: Kind, truth: Surface, sides: Sides) -> dict[str, Surface]:
+    """Return the scan of a surface, the same on coarser grids, and with another levelling."""
+    heights, side = scan_of(kind, truth)
+    given = {"scan": (1, "tilt"), "twice": (2, "tilt"), "four": (4, "tilt"), "level": (1, "quadratic")}
+    few = len(heights) // 4 < FEWEST
+    return {name: pressed_of(heights, side, sides, *of) for name, of in given.items() if not (few and name == "four")}
+
+
 def load_of(surface: Surface, contact: Contact) -> float:
     """Return the nominal pressure over E*."""
     return contact.mean_pressure * surface.Sq / surface.side
@@ -161,16 +169,9 @@ def solved(kind: Kind, nodes: int, sides: Sides) -> Numbers:
     leaks = [leaks_of(truth, state) for state in states]
     found: Numbers = {"truth": {"closing": closings, "leak": leaks, "area": [s.contact_area_fraction for s in states]}}
     del states, half_space
-    heights, side = scan_of(kind, truth)
-    for name, surface in (
-        ("scan", pressed_of(heights, side, sides)),
-        ("twice", pressed_of(heights, side, sides, 2)),
-        ("four", pressed_of(heights, side, sides, 4) if len(heights) // 4 >= FEWEST else None),
-        ("level", pressed_of(heights, side, sides, 1, "quadratic")),
-    ):
-        if surface is not None:
-            found[name] = at_loads(surface, loads)
-    scan = pressed_of(heights, side, sides)
+    grids = grids_of(kind, truth, sides)
+    found |= {name: at_loads(surface, loads) for name, surface in grids.items()}
+    scan = grids["scan"]
     curve = sweep(scan, HalfSpace(scan.shape, sides=sides), CURVE * max(found["scan"]["ends"]), rtol=RTOL)
     found["curve"] = [(load_of(scan, state), leaks_of(scan, state)) for state in curve]
     return found | {"loads": loads}
@@ -186,14 +187,25 @@ def every(seeds: range, kept: Path, nodes: int, sides: Sides) -> Iterator[tuple[
                 started = time.process_time()
                 found = solved(kind_of(seed), nodes, sides)
             file.write_text(json.dumps(found | {"seconds": time.process_time() - started}))
-        yield kind_of(seed), json.loads(file.read_text())
+        kind, found = kind_of(seed), json.loads(file.read_text())
+        truth = truth_of(kind, nodes, sides)
+        for name, surface in ({"truth": truth} | grids_of(kind, truth, sides)).items():
+            found[name]["Sdq"] = texture.Sdq(surface.with_neighbours, surface.spacing)
+        yield kind, found
 
 
 class Solved(_Loaded):
     """Solved numbers of a grid in the place of a run."""
 
     def __init__(self, numbers: Numbers, place: int, loads: list[float], curve: list[Any]) -> None:
-        super().__init__("", Run("", Dataset(), None), Level("last"), Dataset({"mean_pressure": 0.0}), None, "")
+        super().__init__(
+            "",
+            Run("", Dataset(), None),
+            Level("last"),
+            Dataset({"mean_pressure": 0.0, "Sdq": ("seed", [numbers["Sdq"]])}),
+            None,
+            "",
+        )
         self.__dict__.update(numbers=numbers, place=place, loads=loads, points=curve)
 
     def leak(self, axis: str, name: str = "") -> float:
@@ -225,7 +237,7 @@ def intervals(found: Numbers) -> Iterator[tuple[str, float, float, float, float]
             fine = [grids.pop("scan")]
             levelled = [grids.pop("level")]
             coarser = [(name, [grid]) for name, grid in grids.items()]
-            finer = [leak_budget._finer(fine[0], coarser[0][1][0])]
+            finer = [leak_budget._Finer.of(fine[0], [grid for _, (grid,) in coarser])]
             of_load = (
                 leak_budget._grid_of_loads(fine, coarser, finer, axis),
                 leak_budget._levelling_of_loads(fine, "", levelled, axis),
@@ -256,7 +268,11 @@ def main() -> None:
     given = parser.parse_args()
     rows: dict[str, list[tuple[bool, float]]] = {}
     ways: list[tuple[str, float, float, float, float]] = []
+    changes: list[list[float]] = []
     for kind, found in every(range(given.first, given.first + given.surfaces), given.kept, given.nodes, given.sides):
+        for k in (0, 1):
+            loads = [found[grid]["closing"][k] for grid in ("truth", "scan", "twice")]
+            changes.append([loads[0] / loads[1], found["truth"]["Sdq"] / found["scan"]["Sdq"], loads[1] / loads[2]])
         for way in intervals(found):
             name, truth, _, low, high = way
             ways.append(way)
@@ -270,6 +286,8 @@ def main() -> None:
         held, factors = zip(*found_ways, strict=True)
         middle = f"{np.median(factors):.2f}" if math.isfinite(np.median(factors)) else "from 0"
         print(f"| {words} | {len(held)} | {100.0 * np.mean(held):.0f} % | {middle} |")
+    slope, twice = np.corrcoef(np.log(changes).T)[0, 1:]
+    print(f"closing, truth over scan: correlation {slope:.2f} with the slopes, {twice:.2f} with scan over twice")
     for of in ("closing", "leak"):
         some = [way[1:] for way in ways if (way[0] == "closing") == (of == "closing") and way[2] > 0.0]
         shares = [(share, float(np.mean([_held(share, *way) for way in some]))) for share in np.arange(0.3, 1.5, 0.02)]
