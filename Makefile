@@ -14,7 +14,7 @@ LITERATURE := wave_love wave_fourier wave_punch two_codes area load closing stif
               mirco_sup2 mirco_supN6 mirco_sup5 mirco_sup7 challenge
 
 .DEFAULT_GOAL := setup
-.PHONY: help setup reproduce seal literature test bench bench-peers validation windows tradeoff intervals extremes reference crossing docs coverage test-slow lint smoke clean
+.PHONY: help setup reproduce seal literature test bench bench-peers validation windows tradeoff intervals extremes reference public crossing docs coverage test-slow lint smoke clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
@@ -86,6 +86,9 @@ extremes: setup  ## press the extremes of every input, to docs/explanation/notes
 
 reference: setup  ## write docs/reference/keys-and-variables.md: all keys of a study and all stored variables
 	@$(BIN)/python docs/keys_and_variables.py
+
+public: setup  ## write tests/public_names.toml: every public name
+	@$(BIN)/python -m tests.public_names
 
 crossing: setup  ## write docs/reference/crossing.md: what may be combined, as the tests check it
 	@$(BIN)/python -m tests.crossing

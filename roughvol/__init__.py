@@ -12,9 +12,9 @@ The rooms, from the bottom up: `surfaces`, `study` and `contact`, `store` and `o
 import importlib
 from typing import Any
 
-import lazy_loader
+from roughvol.spellings import attach
 
-_of_room, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+_of_room, __dir__, __all__ = attach(__name__, __file__)
 
 
 def __getattr__(name: str) -> Any:

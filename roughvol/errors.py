@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import os
+import sys
+import warnings
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+
+INSIDE = (f"{Path(__file__).parent}{os.sep}", contextlib.__file__)  # files that are not the caller's
 
 
 class RoughvolError(Exception):
@@ -12,6 +19,19 @@ class RoughvolError(Exception):
 
 class RoughvolWarning(UserWarning):
     """A doubt about a study or its results. The attribute ``warnings`` of the dataset has the same sentences."""
+
+
+class RoughvolDeprecation(RoughvolWarning, FutureWarning):
+    """A former spelling that still works. The message has the place and the new spelling."""
+
+
+def warn(sentences: Iterable[str], category: type[RoughvolWarning] = RoughvolWarning) -> None:
+    """Warn at the line of the caller outside this package."""
+    frame, level = sys._getframe(), 1
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(INSIDE):
+        frame, level = frame.f_back, level + 1
+    for sentence in sentences:
+        warnings.warn(sentence, category, stacklevel=level)
 
 
 @dataclass(frozen=True)

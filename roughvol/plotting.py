@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from roughvol import spellings
 from roughvol.errors import DatasetError
 from roughvol.questions import opened
 
@@ -149,6 +150,8 @@ def check_known(wanted: Sequence[str], runs: Sequence[Named] = ()) -> None:
     known = [*names(), *content.own_names(runs)]
     for name in wanted:
         if name not in known:
+            if row := spellings.former("figure", name):
+                raise DatasetError(f"figure {name!r} {row.message}")
             near = difflib.get_close_matches(name, known, n=1)
             hint = f"; did you mean {near[0]}?" if near else ""
             raise DatasetError(f"no figure {name!r}{hint} (known: {', '.join(figures())}; {content.IN_WORDS})")

@@ -409,6 +409,7 @@ def card(
     *,
     out: str | Path | None = None,
     jobs: int | None = None,
+    fresh: bool = False,
     changes: Changes = (),
 ) -> Cards:
     """Return the leak along x and y at a load with its error, and where the ways close: `roughvol card`.
@@ -424,6 +425,8 @@ def card(
         sweep.
     out : path, optional
         Folder of the runs. Default: ``runs/<name of the study>_card``.
+    fresh : bool
+        Compute the runs anew, also in folders of another study or version.
     jobs, changes : int, mapping or sequence of str
         Processes, and changes of the study, which run in a folder of their own.
 
@@ -464,7 +467,7 @@ def card(
         accept = check_reached if len(surfaces) == 1 else lambda fine: None
         inside = folder.joinpath("runs", *map(computed.slug, (*cards.varied, variant.words)))
         found[level.label, variant.words] = {
-            name: computed.compute(one, level, inside / computed.slug(name), jobs=jobs, accept=accept)
+            name: computed.compute(one, level, inside / computed.slug(name), jobs=jobs, fresh=fresh, accept=accept)
             for name, one in surfaces.items()
         }
     return cards

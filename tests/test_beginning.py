@@ -57,7 +57,7 @@ def test_the_study_of_a_height_map_says_its_sides() -> None:
     for more, sides in (
         ([], "mirrored"),
         (["--set", "surface.sides=free"], "free"),
-        (["--set", "surface.periodic=true", "--set", "surface.level=none"], "periodic"),
+        (["--set", "surface.sides=periodic", "--set", "surface.level=none"], "periodic"),
     ):
         assert call("init", "face.txt", *given, *more).exit_code == 0
         assert load("face.yaml").surface.sides == sides

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+import roughvol
 from roughvol.report import card_text
 from roughvol.store import dataset
 from roughvol.surfaces.midpoint import random_midpoint_displacement
@@ -204,6 +205,19 @@ def test_a_card_of_a_changed_study_leaves_the_first() -> None:
     assert len(list(page.parent.glob("*.pdf"))) == 2
 
 
+def test_runs_of_another_study_stay_until_fresh_is_given() -> None:
+    at = ("--at", "pressure=0.2")
+    text = SEAL.replace("seeds: 3", "seeds: [1]")
+    _printed(_study(text), *at)
+    stored = sorted(path.name for path in Path("runs/seal_card").rglob("cases/*.nc"))
+    _study(text.replace("steps: 8", "steps: 6"))
+    assert "give run or card another --out to keep them, or --fresh to compute" in refused("card", "seal.yaml", *at)
+    assert sorted(path.name for path in Path("runs/seal_card").rglob("cases/*.nc")) == stored
+    assert "pressure" in _printed("seal.yaml", *at, "--fresh")
+    kept = [path for path in Path("runs/seal_card").rglob("set_aside/*.nc")]
+    assert sorted(path.name for path in kept) == stored
+
+
 def test_the_print_keeps_its_text_on_the_page() -> None:
     """Every text of the page of print lies inside the margins, measured as it is drawn."""
     from roughvol.questions import card
@@ -246,7 +260,7 @@ def test_a_page_has_what_the_numbers_rest_on() -> None:
         "File face0.txt",
         "sha256 ",
         "roughvol card seal.yaml --at &#x27;pressure=0.005 MPa&#x27;",
-        "roughvol 0.",
+        f"roughvol {roughvol.__version__}",
         "rms slope at most 0.3",
         "of a seal of many patches",
     ):
@@ -255,7 +269,7 @@ def test_a_page_has_what_the_numbers_rest_on() -> None:
 
 
 def test_fluid_pressure_gives_the_lifted_leak_with_the_dry_leak_named() -> None:
-    text = SEAL.replace("seeds: 3", "seeds: [1], periodic: true").replace("to: percolation", "to: {pressure: 0.1 MPa}")
+    text = SEAL.replace("seeds: 3", "seeds: [1], sides: periodic").replace("to: percolation", "to: {pressure: 0.1 MPa}")
     text = text.replace("name: seal", "name: lift")
     text = text.replace("5 mbar", "0.4 bar").replace(", dimensional", ", fluid_pressure: {inlet: 0.4 bar}, dimensional")
     study = _study(text, "lift")

@@ -87,7 +87,7 @@ def test_show_as_json_has_the_units() -> None:
 def test_a_load_acts_on_the_whole_period(tmp_path: Path) -> None:
     study = tmp_path / "period.yaml"
     study.write_text(
-        "surface: {D: 2.3, m: 3, L: 100 um, Sq: 1 um, seeds: 1, periodic: true}\n"
+        "surface: {D: 2.3, m: 3, L: 100 um, Sq: 1 um, seeds: 1, sides: periodic}\n"
         "material: {E_star: 1 GPa}\nsweep: {loads: [20 mN, 50 mN]}\n"
     )
     call("run", str(study), "--out", str(tmp_path / "period"), "--jobs", "1")

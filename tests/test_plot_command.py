@@ -115,7 +115,7 @@ def _title(run: str, name: str) -> str:
 
 
 LIFTED = """
-surface: {D: 2.3, m: 4, seeds: [2, 5], L: 100 um, Sq: 1 um, periodic: true}
+surface: {D: 2.3, m: 4, seeds: [2, 5], L: 100 um, Sq: 1 um, sides: periodic}
 material: {E: 10 MPa, nu: 0.5}
 sweep: {steps: 4, to: {pressure: 0.5 MPa}}
 record:

@@ -26,7 +26,7 @@ material: {E_star: 10 MPa}
 sweep: {steps: 3, to: {pressure: 0.1 MPa}}
 """
 BED = """
-surface: {D: 2.3, m: 3, seeds: 1, periodic: true}
+surface: {D: 2.3, m: 3, seeds: 1, sides: periodic}
 sweep: {steps: 2, to: {contact_area: 0.5}}
 solver: {kernel: springs}
 record: {heights: true, fields_at: last}

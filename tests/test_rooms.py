@@ -21,6 +21,7 @@ PACKAGE = Path(__file__).parents[1] / "roughvol"
 # From the bottom up. A module imports from its own room and from lines below. Rooms on one line do not know each other.
 FLOORS = (
     ("errors", "typing", "_version"),
+    ("spellings",),
     ("surfaces",),
     ("gap", "contact", "study"),
     ("observables",),
@@ -47,7 +48,7 @@ LIBRARIES = {  # library -> rooms or modules that import it
         "analysis.leak_curve",
         "analysis.leak_budget",
     ),
-    "lazy_loader": ("__init__", *(room for rooms in FLOORS[1:-4] for room in rooms)),
+    "lazy_loader": ("spellings",),
     "pyfftw": ("contact.convolution", "contact.cosines"),
     "yaml": ("study",),
     "pydantic": ("study",),
@@ -203,7 +204,7 @@ def test_private_names_stay_in_their_module() -> None:
     assert private == set()
 
 
-@pytest.mark.parametrize("room", [room for rooms in FLOORS[1:-4] for room in rooms])
+@pytest.mark.parametrize("room", [room for rooms in FLOORS[2:-4] for room in rooms])
 def test_a_room_is_a_table_of_contents(room: str) -> None:
     package = importlib.import_module(f"roughvol.{room}")
     assert all(getattr(package, name) is not None for name in package.__all__)

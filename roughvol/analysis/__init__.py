@@ -23,6 +23,6 @@ Room of the analysis. It reads datasets, solves no contact, and draws nothing.
 =============  ==================================================================
 """
 
-import lazy_loader
+from roughvol.spellings import attach
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -267,6 +267,7 @@ def compute(
     folder: Path,
     *,
     jobs: int | None = None,
+    fresh: bool = False,
     on_event: OnEvent = lambda progress: None,
     stopping: Callable[[], bool] = lambda: False,
     accept: Callable[[Pressed], None] = lambda fine: None,
@@ -279,7 +280,7 @@ def compute(
         As in `plan`.
     folder : path
         Folder of the runs; each has a folder inside.
-    jobs, on_event, stopping
+    jobs, fresh, on_event, stopping
         As in `execution.run`.
     accept : callable
         Called with the finest run before the others are computed; it may raise.
@@ -301,7 +302,7 @@ def compute(
 
     def pressed(one: Planned) -> Pressed:
         inside = folder / slug(at.label) / slug(one.words or FINE)
-        results = execution.run(one.study, jobs=jobs, out=inside, on_event=on_event, stopping=stopping)
+        results = execution.run(one.study, jobs=jobs, fresh=fresh, out=inside, on_event=on_event, stopping=stopping)
         return Pressed(one.words, results, one.level)
 
     fine = pressed(planned.fine)

@@ -75,6 +75,8 @@ def run(
             notices.append(f"nothing to compute for {len(taken)} finished in other runs of this folder")
         if scheduler is None and (long := cost.warning(missing, jobs, shape)):
             notices.append(f"warning: {long}")
+        if missing and (sides := interpretation.default_sides(study)):
+            notices.append(sides)
         for notice in notices:
             on_event(replace(begin, notice=notice))
         if not missing:

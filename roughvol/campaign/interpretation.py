@@ -119,6 +119,16 @@ def _reading(body: Body, wanted: str | None) -> str:
     return f"{body.file.name} read by {reader}, heights {unit}"
 
 
+def default_sides(study: Study) -> str:
+    """Return a sentence on the sides of height files where a study does not name them; versions before 0.16 differ."""
+    if isinstance(study.surface, MadeSurface) or "sides" in study.surface.model_fields_set:
+        return ""
+    return (
+        "surface.sides is not given: height files are mirrored at their sides; before version 0.16 they were pressed "
+        "as a free patch, which is sides: free"
+    )
+
+
 def notes(case: Case, surface: Surface) -> tuple[str, ...]:
     """Return the doubts of a case, and of heights that are absurd for its length."""
     return (*case.notes, *measured.notes(surface, case.length_unit))

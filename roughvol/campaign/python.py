@@ -9,23 +9,20 @@ from __future__ import annotations
 
 import contextlib
 import os
-import sys
 import tempfile
-import warnings
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, SupportsFloat, SupportsIndex
 
 from roughvol.campaign import execution, notebook
 from roughvol.campaign.batch import OnEvent, Progress
-from roughvol.errors import CampaignError, Problem, RoughvolError, RoughvolWarning, StudyError, SurfaceError
+from roughvol.errors import CampaignError, Problem, RoughvolError, StudyError, SurfaceError, warn
 from roughvol.store.dataset import Dataset
 from roughvol.study import Arguments, Study, changed, changes_of, load, of_data
 from roughvol.surfaces.files import memory
 from roughvol.typing import Changes, Number
 
-INSIDE = (str(Path(__file__).parents[1]) + os.sep, contextlib.__file__)  # files that are not the caller's
 NU = 0.3  # taken by `press` for E without nu
 STEPS = 20  # of `press`
 PERIODIC = "surface.sides is periodic for a period; mirrored or free for a part of a joint"
@@ -293,7 +290,7 @@ def _written(study: Mapping[str, Any], names: Arguments) -> Iterator[tuple[Mappi
             bodies[key] = {**{name: value for name, value in body.items() if name != "heights"}, "file": str(path)}
             names = Arguments(names.call, {**names.names, f"{key}.file": argument.partition(": ")[2]})
             if getattr(body["heights"], "is_periodic", False) is True and not {"periodic", "sides"} & surface.keys():
-                _warn([f"{argument} is a periodic Topography, pressed mirrored at its sides: {PERIODIC}"])
+                warn([f"{argument} is a periodic Topography, pressed mirrored at its sides: {PERIODIC}"])
         files = {**bodies["surface"]}
         if "against" in files:
             files["against"] = bodies["surface.against"]
@@ -348,7 +345,7 @@ def _heard(on_event: OnEvent | None) -> OnEvent:
 
     def follow(now: Progress) -> None:
         if now.notice.startswith(("warning: ", "set aside: ")):
-            _warn([now.notice.removeprefix("warning: ")])
+            warn([now.notice.removeprefix("warning: ")])
         if draw is not None:
             draw(now)
 
@@ -357,14 +354,5 @@ def _heard(on_event: OnEvent | None) -> OnEvent:
 
 def _warned(results: Dataset) -> Dataset:
     """Return a dataset, with a warning for each line of its attribute ``warnings``."""
-    _warn(results.attrs["warnings"].splitlines())
+    warn(results.attrs["warnings"].splitlines())
     return results
-
-
-def _warn(sentences: Iterable[str]) -> None:
-    """Warn at the line of the caller outside this package."""
-    frame, level = sys._getframe(), 1
-    while frame.f_back is not None and frame.f_code.co_filename.startswith(INSIDE):
-        frame, level = frame.f_back, level + 1
-    for sentence in sentences:
-        warnings.warn(sentence, RoughvolWarning, stacklevel=level)

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 import roughvol
-from roughvol.cli.options import JOBS, JSON, SET, STUDY, at, examples, given, out
+from roughvol.cli.options import FRESH, JOBS, JSON, SET, STUDY, at, examples, given, out
 from roughvol.cli.output import say, say_json, say_table
 
 
@@ -25,10 +25,17 @@ from roughvol.cli.output import say, say_json, say_table
 @at(several=True, default="last")
 @out("runs/NAME_card")
 @JOBS
+@FRESH
 @JSON
 @SET
 def card(
-    study: Path, states: tuple[str, ...], out: Path | None, jobs: int | None, as_json: bool, changes: tuple[str, ...]
+    study: Path,
+    states: tuple[str, ...],
+    out: Path | None,
+    jobs: int | None,
+    fresh: bool,
+    as_json: bool,
+    changes: tuple[str, ...],
 ) -> None:
     """Write the leak card of STUDY: one page in HTML and PDF.
 
@@ -39,7 +46,7 @@ def card(
     Several height files have a card each and one together; each combination of lists and each load has its own. A table
     shows all of them. The files of a card are named by its load.
     """
-    found = roughvol.card(given(study, changes), states, out=out, jobs=jobs, changes=changes)
+    found = roughvol.card(given(study, changes), states, out=out, jobs=jobs, fresh=fresh, changes=changes)
     if as_json:
         say_json(found.plain())
         return

@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import importlib
 import os
 import sys
+import warnings
 from collections.abc import Iterator
 from typing import Any
 
 import click
 
+from roughvol import spellings
 from roughvol._version import __version__
 from roughvol.campaign import machine, signals
 from roughvol.cli.options import examples
-from roughvol.cli.output import count, say, silence
-from roughvol.errors import CampaignError, ContactError, ConvergenceError, RoughvolError, StudyError
+from roughvol.cli.output import count, say, silence, warn
+from roughvol.errors import (
+    CampaignError,
+    ContactError,
+    ConvergenceError,
+    RoughvolDeprecation,
+    RoughvolError,
+    StudyError,
+)
 
 FAILED, BAD_INPUT = 1, 2
 BY_SIGNAL = 128  # plus the number of the signal: 130 by Ctrl-C, 143 by SIGTERM, 129 by SIGHUP
@@ -71,7 +81,7 @@ class _Commands(click.Group):
                 formatter.write_dl(list(rows.items()))
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        command = super().resolve_command(ctx, args)
+        command = super().resolve_command(ctx, renamed(args))
         if command[0] not in LIGHT and (message := machine.too_narrow()):
             say(f"error: {message}", err=True)
             ctx.exit(FAILED)
@@ -86,7 +96,7 @@ class _Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
-            with signals.as_interrupts():
+            with signals.as_interrupts(), _said():
                 return super().invoke(ctx)
         except KeyboardInterrupt as error:
             say("interrupted; finished cases are kept, and the same command continues the run", err=True)
@@ -104,6 +114,38 @@ class _Commands(click.Group):
             else:
                 raise
             ctx.exit(FAILED)
+
+
+def renamed(words: list[str]) -> list[str]:
+    """Return the words of a command with new options in place of former ones; refuse those that left."""
+    found = words[:1]
+    for word in words[1:]:
+        option, equals, value = word.partition("=")
+        row = spellings.former("option", f"{words[0]} {option}")
+        if row is not None and not row.works:
+            raise click.UsageError(f"{option} {row.message}")
+        if row is not None:
+            say(f"warning: {option} {row.message}", err=True)
+            option = row.new
+        found.append(f"{option}{equals}{value}")
+    return found
+
+
+@contextlib.contextmanager
+def _said() -> Iterator[None]:
+    """Print former spellings as warnings, each once."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("once", RoughvolDeprecation)
+        show = warnings.showwarning
+
+        def say_one(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+            if issubclass(category, RoughvolDeprecation):
+                warn([str(message)])
+            else:
+                show(message, category, *place, **more)
+
+        warnings.showwarning = say_one
+        yield
 
 
 def _message(error: RoughvolError) -> str:

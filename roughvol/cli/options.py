@@ -83,6 +83,7 @@ SET = click.option(
 )
 BUDGET = click.option("--budget", is_flag=True, help="Compute the runs of leak cards at the answer, for its errors.")
 JOBS = click.option("--jobs", "-j", type=click.IntRange(min=1), metavar="N", help="Processes [default: one a core].")
+FRESH = click.option("--fresh", is_flag=True, help="Compute every case anew, finished ones too.")
 CSV = click.option("--csv", "as_csv", is_flag=True, help="Comma-separated values.")
 JSON = click.option("--json", "as_json", is_flag=True, help="JSON with the units.")
 WHERE = "KIND=VALUE[, leg N]"

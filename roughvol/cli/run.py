@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from roughvol.cli.options import JOBS, JSON, SET, STUDY, completed_figures, examples, given, out
+from roughvol.cli.options import FRESH, JOBS, JSON, SET, STUDY, completed_figures, examples, given, out
 from roughvol.cli.output import count, say, say_json, say_table, warn
 from roughvol.errors import CampaignError
 from roughvol.study.values.durations import duration
@@ -34,7 +34,7 @@ Draw = Callable[["Progress"], None]
 @STUDY
 @JOBS
 @out("runs/NAME")
-@click.option("--fresh", is_flag=True, help="Compute every case anew, finished ones too.")
+@FRESH
 @click.option("--scheduler", metavar="ADDRESS", help="Compute on the workers of this Dask scheduler.")
 @click.option(
     "--figures",

@@ -17,6 +17,6 @@ campaign computes them.
 ==============  ====================================================================
 """
 
-import lazy_loader
+from roughvol.spellings import attach
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -18,6 +18,6 @@ The room of the gap. It knows arrays alone: no study, no solver.
 =================  ===================================================================
 """
 
-import lazy_loader
+from roughvol.spellings import attach
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -56,7 +56,7 @@ def another_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> str 
     lines = "\n".join(f"  {line}" for line in reasons)
     return (
         f"{folder} holds the results of another study:\n{lines}\n"
-        "give another --out to keep them, or --fresh to compute all anew in this folder"
+        "give run or card another --out to keep them, or --fresh to compute all anew in this folder"
     )
 
 

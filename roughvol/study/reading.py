@@ -13,7 +13,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from roughvol.errors import Problem, StudyError
+from roughvol.errors import Problem, RoughvolDeprecation, StudyError, warn
+from roughvol.study.former import renamed
 from roughvol.study.plain_data import (
     MAX_BYTES,
     TOO_LARGE,
@@ -213,6 +214,7 @@ def _study(
         raise StudyError([Problem(str(error), "", error.line, file)]) from error
     changed = [_change(data, reading.marks, change) for change in changes]
     problems = {**reading.problems, **(problems or {})}
+    former = renamed(data, problems, changed)
     try:
         name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)[:100].lstrip("-") or "study"
         context = {"folder": path.parent, "stored": stored}
@@ -230,6 +232,8 @@ def _study(
         found = [Problem(problems[key], key_text(key), file=SET if key in set_here else "") for key in in_order]
         raise StudyError([places.of(problem) for problem in found])
     study._places = places
+    if not stored:  # a stored study is no text of the user
+        warn((str(places.of(problem)) for problem in former), RoughvolDeprecation)
     return study
 
 

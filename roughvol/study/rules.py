@@ -73,7 +73,7 @@ EXCLUDES = (  # key, the key or property that excludes it, message
     ("surface.low_pass", "surface.periodic", _PERIOD),
 )
 KEYS_OF = {  # of properties
-    "surface.periodic": ("surface.periodic", "surface.sides"),
+    "surface.periodic": ("surface.sides",),
     "surface.has_length": ("surface.L", "surface.unit"),
     "material.unit": ("material",),
     "material.yields": ("material",),
@@ -203,7 +203,7 @@ def _files(study: StudyFile) -> Problems:
         yield ("surface", "L"), f"missing, and the file has no size ({HeightFile.model_fields['L'].description})"
 
 
-@_rule("surface.periodic", "surface.sides")
+@_rule("surface.sides")
 def _periodic(study: StudyFile) -> Problems:
     surface = study.surface
     own = study.material.kernel(study.solver.kernel, None)
@@ -231,7 +231,7 @@ def _layer(study: StudyFile) -> Problems:
         yield ("solver", "kernel"), "'punch' has no layer; allowed with material.thickness: love, fourier"
 
 
-@_rule("material", "surface.periodic", "surface.sides")
+@_rule("material", "surface.sides")
 def _beyond_full_contact(study: StudyFile) -> Problems:
     if study.surface.sides == "free" or study.material.yields:
         return

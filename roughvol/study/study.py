@@ -19,11 +19,12 @@ from pydantic import (
     model_validator,
 )
 
-from roughvol.errors import Problem, StudyError
+from roughvol.errors import Problem, RoughvolDeprecation, StudyError, warn
 from roughvol.study import axes
 from roughvol.study.axes import Axis, Variant
 from roughvol.study.case import Case
 from roughvol.study.file import StudyFile
+from roughvol.study.former import renamed
 from roughvol.study.plain_data import KeyPath, Places, key_path, key_text, put, write
 from roughvol.study.python_data import plain
 from roughvol.study.rules import RULES
@@ -211,14 +212,13 @@ class Study(StudyFile):
             With all problems of the changed study.
         """
         data, problems = _given(self.model_dump(mode="json")), dict[KeyPath, str]()
-        if "surface.periodic" in keys:  # another word for the sides
-            data["surface"].pop("sides")
         for key, value in keys.items():
             path = key_path(key)
             try:
                 put(data, path, plain(value, problems, path))
             except ValueError as error:
                 raise StudyError([Problem(str(error), key)]) from error
+        former = renamed(data, problems, [key_path(key) for key in keys])
         same_files = not any(set(key_path(key)) & {"file", "files", "against"} or key == "surface" for key in keys)
         try:
             study = type(self).model_validate(_given(data), context={"folder": Path(), "stored": same_files})
@@ -228,6 +228,7 @@ class Study(StudyFile):
             with self.placing():
                 raise StudyError([Problem(text, key_text(path)) for path, text in problems.items()])
         study._places = self._places
+        warn(map(str, former), RoughvolDeprecation)
         return study
 
     @functools.cached_property

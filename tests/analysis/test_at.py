@@ -57,7 +57,7 @@ record: {transport: {transmissivity: every-step}}
 """
 LIFT = """
 name: lift
-surface: {D: 2.2, m: 5, L: 200 um, Sq: 0.5 um, seeds: [3, 4, 5], periodic: true}
+surface: {D: 2.2, m: 5, L: 200 um, Sq: 0.5 um, seeds: [3, 4, 5], sides: periodic}
 material: {E_star: 10 MPa}
 sweep: {steps: 4, to: {pressure: 0.05 MPa}}
 record:

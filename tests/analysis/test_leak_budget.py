@@ -221,7 +221,7 @@ def test_a_load_before_the_first_step_is_the_state_solved_for_it(tmp_path: Path)
 
 
 def test_a_periodic_surface_is_certified_with_its_ways_across_the_edge(tmp_path: Path) -> None:
-    text = VARIED.replace("seeds: 3", "seeds: [2], periodic: true").replace("to: percolation", "to: {pressure: 3.0}")
+    text = VARIED.replace("seeds: 3", "seeds: [2], sides: periodic").replace("to: percolation", "to: {pressure: 3.0}")
     way = _finest(text, Level("last"), tmp_path).ways[0]  # its only way along x passes the edge
     assert 1.0 < _part(way, "solver").factor < 1.01
 
@@ -501,7 +501,7 @@ record: {{transport: {{transmissivity: every-step}}, {DIMENSIONAL}}}
 # fluid pressure
 
 LIFT = """name: lift
-surface: {D: 2.2, m: 6, L: 200 um, Sq: 0.5 um, seeds: [1], periodic: true}
+surface: {D: 2.2, m: 6, L: 200 um, Sq: 0.5 um, seeds: [1], sides: periodic}
 material: {E_star: 10 MPa}
 sweep: {steps: 4, to: {pressure: 0.1 MPa}}
 record:

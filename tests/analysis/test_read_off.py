@@ -298,7 +298,7 @@ def test_several_kinds_of_surfaces_have_no_common_leak(tmp_path: Path) -> None:
 
 
 LIFT = """name: lift
-surface: {D: 2.2, m: 4, L: 200 um, Sq: 0.5 um, seeds: [1], periodic: true}
+surface: {D: 2.2, m: 4, L: 200 um, Sq: 0.5 um, seeds: [1], sides: periodic}
 material: {E_star: 10 MPa}
 sweep: {steps: 6, to: {pressure: 0.1 MPa}}
 fluid: {gas: helium, inlet: 1 bar, outlet: 0.5 bar}

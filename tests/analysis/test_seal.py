@@ -24,7 +24,7 @@ from roughvol.surfaces import Spectrum, Surface, power_law_surface, random_midpo
 from roughvol.typing import Array
 
 TEXT = """name: joint
-surface: {H: 0.8, n: 64, rolloff: 8, cut: 16, L: 0.5 mm, Sq: 0.5 um, seeds: 3, periodic: true}
+surface: {H: 0.8, n: 64, rolloff: 8, cut: 16, L: 0.5 mm, Sq: 0.5 um, seeds: 3, sides: periodic}
 material: {E_star: 10 MPa}
 sweep: {steps: 8, to: percolation}
 record:
@@ -231,7 +231,7 @@ def test_the_same_seal_of_patches_in_another_direction(tmp_path: Path) -> None:
 def test_one_map_without_a_roll_off_has_a_leak_and_no_interval(tmp_path: Path) -> None:
     fractal = "{D: 2.2, m: 5, L: 0.5 mm, Sq: 0.5 um, seeds: 1}"
     text = TEXT.replace(
-        "{H: 0.8, n: 64, rolloff: 8, cut: 16, L: 0.5 mm, Sq: 0.5 um, seeds: 3, periodic: true}", fractal
+        "{H: 0.8, n: 64, rolloff: 8, cut: 16, L: 0.5 mm, Sq: 0.5 um, seeds: 3, sides: periodic}", fractal
     )
     (card,) = roughvol.card(loads(text), "pressure=0.01 MPa", out=tmp_path, jobs=1).cards.values()
     assert card.seal is not None

@@ -219,7 +219,7 @@ def test_a_periodic_topography_is_pressed_as_the_surface_section_says() -> None:
     assert {one.filename for one in seen if issubclass(one.category, roughvol.RoughvolWarning)} == {__file__}
     period = _pressed(_topography(periodic=True), surface={"sides": "periodic"})
     assert float(period.L) == 8.5
-    assert_allclose(period.free_volume, _pressed(MAP, L="8.5 um", surface={"periodic": True}).free_volume)
+    assert_allclose(period.free_volume, _pressed(MAP, L="8.5 um", surface={"sides": "periodic"}).free_volume)
 
 
 def test_run_takes_heights_in_memory_and_keeps_them_beside_its_results(plain: Dataset) -> None:

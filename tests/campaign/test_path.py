@@ -26,7 +26,7 @@ from tests.campaign.kit import case_of, noise, problems_of, resumed, solved, val
 
 PLAIN = "surface: {D: 2.3, m: 4, seeds: [4], L: 100.0}\n"
 UNITS = "surface: {D: 2.3, m: 4, seeds: [4], L: 100 um, Sq: 1 um}\nmaterial: {E_star: 10 MPa}\n"
-PERIOD = "surface: {D: 2.4, m: 4, L: 3.0, seeds: [2], periodic: true}\n"
+PERIOD = "surface: {D: 2.4, m: 4, L: 3.0, seeds: [2], sides: periodic}\n"
 SCALE = 10.0 * 1.0 / 100.0  # MPa: E* Sq/L
 AREA = (17 * 100.0 / 16) ** 2  # um², of all elements
 ELEMENT = 1.0 / 17**2
@@ -470,7 +470,7 @@ def test_the_void_stops_percolating_with_joined_sides_and_the_cell_agrees() -> N
 
 def test_a_height_file_is_one_period() -> None:
     np.save("wave.npy", np.cos(2 * np.pi * np.arange(32) / 32)[:, None] + np.zeros(16))
-    data = solved("surface: {file: wave.npy, L: 2.0, periodic: true}\nsweep: {steps: 3, to: {contact_area: 1}}")
+    data = solved("surface: {file: wave.npy, L: 2.0, sides: periodic}\nsweep: {steps: 3, to: {contact_area: 1}}")
     # full contact of a wave: mean p = π E* h/λ, over E* σ/L with σ = h/√2
     assert_allclose(data.mean_pressure.values.ravel()[-1], math.pi * math.sqrt(2.0), rtol=0.02)
 
@@ -482,16 +482,16 @@ def test_a_crop_of_137_elements_is_pressed_to_its_pressures(seed: int) -> None:
     noise = np.random.Generator(np.random.PCG64(seed)).standard_normal((256, 256))
     frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(256), np.fft.fftfreq(256), indexing="ij"))
     heights = np.fft.ifft2(np.fft.fft2(noise) * np.maximum(frequency, 4 / 256) ** -1.8).real[:137, :137]
-    pressures, surface = ["0.006 MPa", "0.02 MPa", "0.04 MPa"], {"periodic": True, "heights_unit": "mm"}
+    pressures, surface = ["0.006 MPa", "0.02 MPa", "0.04 MPa"], {"sides": "periodic", "heights_unit": "mm"}
     heights *= 1e-3 / heights.std()
     states = roughvol.press(heights, L="1 mm", E="10 MPa", nu=0.49, surface=surface, sweep={"pressures": pressures})
     assert_allclose(states.nominal_pressure, [0.006, 0.02, 0.04], rtol=5e-6)
     assert states.converged.all()
 
 
-MIDPOINT = "surface: {D: 2.4, m: 4, seeds: 2, periodic: true}\n"
-SPECTRUM = "surface: {H: 0.7, n: 16, rolloff: 2, seeds: 2, periodic: true}\n"
-MEASURED = "surface: {file: z.npy, L: 1, periodic: true, outliers: {}, missing: interpolate}\n"
+MIDPOINT = "surface: {D: 2.4, m: 4, seeds: 2, sides: periodic}\n"
+SPECTRUM = "surface: {H: 0.7, n: 16, rolloff: 2, seeds: 2, sides: periodic}\n"
+MEASURED = "surface: {file: z.npy, L: 1, sides: periodic, outliers: {}, missing: interpolate}\n"
 HALF = "sweep: {steps: 4, to: {contact_area: 0.5}}\n"
 UP_AND_DOWN = "sweep: [{steps: 3, to: {separation: 0.6}}, {steps: 2, to: {separation: 1.0}}]\n"
 FLOWS = "transport: {percolation: every-step, transmissivity: last, cell_transmissivity: last, constriction: last}"
@@ -510,7 +510,7 @@ WORKS = {
     "void": MIDPOINT + HALF + f"record: {{{FLOWS}}}",
     "region": MIDPOINT + HALF + f"record: {{region: interior, region_widths: {{}}, {TEXTURE}}}",
     "plastic region": MIDPOINT + UP_AND_DOWN + HARD + "record: {region: interior, psd: true}",
-    "ensemble": "surface: {D: 2.4, m: 5, periodic: true}\nsweep: {pressures: [0.2, 0.4]}\n" + ENSEMBLE,
+    "ensemble": "surface: {D: 2.4, m: 5, sides: periodic}\nsweep: {pressures: [0.2, 0.4]}\n" + ENSEMBLE,
 }
 
 
@@ -574,7 +574,7 @@ def test_a_period_goes_with_every_other_feature(name: str, request: pytest.Fixtu
         (UNITS + "sweep: {steps: 3, first: 0.1}", "sweep", "needs equal: log pressure"),
         (UNITS + "sweep: {pressures: [1, 2], equal: pressure}", "sweep", "omit 'equal'"),
         (UNITS + "sweep: [{to: {pressure: 1}}, {to: {pressure: 0}, equal: log pressure}]", "sweep", "an end > 0"),
-        (MIDPOINT.replace(", periodic: true", "") + "solver: {kernel: fourier}", "solver.kernel", ""),
+        (MIDPOINT.replace(", sides: periodic", "") + "solver: {kernel: fourier}", "solver.kernel", ""),
         (
             MIDPOINT + "record: {region: interior, transport: {cell_transmissivity: last}}",
             "record.transport.cell_transmissivity",
@@ -621,7 +621,7 @@ def test_a_case_without_its_states_is_an_error(text: str, words: str) -> None:
     [
         (MEASURED + HALF + ENSEMBLE, "ensemble"),
         (MEASURED.replace("L: 1", "L: 1, low_pass: 0.3"), r"surface\.low_pass"),
-        ("surface: {file: few.npy, L: 1, periodic: true}", r"surface\.sides: few\.npy has 4 x 9 heights"),
+        ("surface: {file: few.npy, L: 1, sides: periodic}", r"surface\.sides: few\.npy has 4 x 9 heights"),
     ],
 )
 def test_a_period_of_a_file_that_cannot_be_is_refused(surface: str, words: str) -> None:

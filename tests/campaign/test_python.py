@@ -308,7 +308,7 @@ def test_nu_is_stated_where_press_takes_it_by_default() -> None:
 def test_a_folder_that_cannot_be_used_is_explained_by_arguments() -> None:
     roughvol.run(DATA, jobs=1)
     for other in ({**DATA, "sweep": {"steps": 3}}, loads("name: tiny\n" + TINY.replace("steps: 2", "steps: 3"))):
-        with pytest.raises(FolderError, match="give another out to keep them, or fresh=True to"):
+        with pytest.raises(FolderError, match="give run or card another out to keep them, or fresh=True to"):
             roughvol.run(other, jobs=1)
     with lock.opened(Path("runs/tiny")), pytest.raises(FolderError, match=r"or give another out$"):
         roughvol.run(DATA, jobs=1)

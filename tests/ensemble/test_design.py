@@ -63,7 +63,7 @@ def test_where_levels_do_not_pay_it_costs_no_more_than_plain_monte_carlo_and_the
 
 def _spectral(cut: int, rolloff: int, accuracy: str) -> Study:
     return loads(
-        f"surface: {{H: 0.7, n: auto, cut: {cut}, rolloff: {rolloff}, periodic: true}}\nsweep: {{steps: 8}}\n"
+        f"surface: {{H: 0.7, n: auto, cut: {cut}, rolloff: {rolloff}, sides: periodic}}\nsweep: {{steps: 8}}\n"
         f"ensemble: {{accuracy: {{free_volume: {accuracy}}}}}"
     )
 

@@ -16,7 +16,7 @@ from roughvol.surfaces.surface import Surface
 
 STUDY = """
 name: edges
-surface: {H: 0.8, n: 32, rolloff: 2, cut: 8, periodic: true, seeds: 1}
+surface: {H: 0.8, n: 32, rolloff: 2, cut: 8, sides: periodic, seeds: 1}
 sweep: {contact_areas: [0.1, 0.5, 1.0]}
 record: {contact_perimeter: true}
 """

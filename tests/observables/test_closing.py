@@ -15,7 +15,7 @@ from roughvol.study import loads
 
 SURFACES = {
     "free": "{D: 2.2, m: 5, seeds: [3]}",
-    "periodic": "{H: 0.8, rolloff: 4, n: 32, seeds: [3], periodic: true}",
+    "periodic": "{H: 0.8, rolloff: 4, n: 32, seeds: [3], sides: periodic}",
 }
 
 

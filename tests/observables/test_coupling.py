@@ -214,7 +214,7 @@ def test_the_closing_load_is_affine_in_the_inlet_pressure(channel: Channel) -> N
 
 
 TEXT = """name: lift
-surface: {D: 2.2, m: 5, L: 100 um, Sq: 0.5 um, seeds: 1, periodic: true}
+surface: {D: 2.2, m: 5, L: 100 um, Sq: 0.5 um, seeds: 1, sides: periodic}
 material: {E_star: 10 MPa}
 sweep: {steps: 3, to: {pressure: 1.0}}
 record:

@@ -91,7 +91,7 @@ def test_what_leads_from_side_to_side_does_not_feel_a_shift_across(
 
 @pytest.mark.parametrize("shift", SHIFTS)
 def test_a_contact_and_the_texture_under_load(heights: Heights, shift: tuple[int, int]) -> None:
-    (case,) = loads("surface: {D: 2.3, m: 5, seeds: 1, periodic: true}\nrecord: {texture: true}").cases()
+    (case,) = loads("surface: {D: 2.3, m: 5, seeds: 1, sides: periodic}\nrecord: {texture: true}").cases()
     found = []
     for z in (heights, np.roll(heights, shift, (0, 1))):
         surface = Surface(z, SPACING, sides="periodic")
@@ -177,7 +177,7 @@ def test_box_counts_of_a_period_are_the_mean_over_all_beginnings() -> None:
 
 
 def test_a_study_joins_the_sides_of_a_period_and_not_those_of_a_region() -> None:
-    text = "surface: {D: 2.3, m: 5, seeds: 1, periodic: true}\nsweep: {steps: 0}\nrecord: {texture: true"
+    text = "surface: {D: 2.3, m: 5, seeds: 1, sides: periodic}\nsweep: {steps: 0}\nrecord: {texture: true"
     (whole,), (part,) = (loads(f"{text}{more}}}").cases() for more in ("", ", region: interior"))
     surface = surface_of(whole)
     stored = deformed.before_load(whole, surface)

@@ -221,8 +221,8 @@ def test_nothing_is_computed_that_is_not_asked_for(monkeypatch: pytest.MonkeyPat
 # the spectrum
 
 
-PERIOD = "surface: {D: 2.3, m: 5, L: 4.0, seeds: [3], periodic: true}\n"
-PATCH = PERIOD.replace(", periodic: true", "")
+PERIOD = "surface: {D: 2.3, m: 5, L: 4.0, seeds: [3], sides: periodic}\n"
+PATCH = PERIOD.replace(", sides: periodic", "")
 WAVES_SWEEP = "sweep: {steps: 3, to: {pressure: 2.0}}\n"
 WAVES_AT = "record: {psd: {at: {pressure: [0.5, 2.0]}}, fields_at: {pressure: [0.5, 2.0]}"
 

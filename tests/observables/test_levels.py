@@ -149,7 +149,7 @@ def test_quantities_along_the_steps_stay_at_the_first_step_beyond() -> None:
     assert float(result.flux_at_transmissivity.sel(axis="x")[0]) > float(result.transmissivity.sel(axis="x")[step - 1])
 
 
-@pytest.mark.parametrize("periodic", ["", ", periodic: true"])
+@pytest.mark.parametrize("periodic", ["", ", sides: periodic"])
 @pytest.mark.parametrize("region", ["", "region: interior, "])
 @pytest.mark.parametrize("kind", ["free_volume", "separation"])
 def test_levels_before_the_first_touch_are_refused(kind: str, region: str, periodic: str) -> None:

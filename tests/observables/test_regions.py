@@ -50,7 +50,7 @@ def test_a_sweep_to_a_contact_area_means_that_of_the_region() -> None:
     assert found[0] < 0.2
 
 
-@pytest.mark.parametrize("sides", ["", "periodic: true"])
+@pytest.mark.parametrize("sides", ["", "sides: periodic"])
 @pytest.mark.parametrize(
     ("kind", "value", "name"), [("pressure", 0.5, "mean_pressure"), ("free_volume", 0.6, "free_volume")]
 )

@@ -19,7 +19,7 @@ from roughvol.surfaces.spectrum import density
 
 TEXT = """
 name: waves
-surface: {H: [0.3, 0.8], rolloff: 4, cut: 12, n: [16, 32], L: 100 um, seeds: 3, periodic: true, phases: random}
+surface: {H: [0.3, 0.8], rolloff: 4, cut: 12, n: [16, 32], L: 100 um, seeds: 3, sides: periodic, phases: random}
 sweep: {steps: 0}
 """
 
@@ -63,7 +63,7 @@ def test_midpoint_surfaces_have_no_law() -> None:
 
 @pytest.mark.parametrize("region", ["", ", region: interior"])
 def test_the_deformed_surface_is_drawn_beside_the_undeformed_one(region: str) -> None:
-    text = "surface: {D: [2.3, 2.6], m: 4, seeds: 2, periodic: true}\nsweep: {steps: 2, to: {pressure: 1}}\n"
+    text = "surface: {D: [2.3, 2.6], m: 4, seeds: 2, sides: periodic}\nsweep: {steps: 2, to: {pressure: 1}}\n"
     ds = results(f"{text}record: {{psd: {{at: {{pressure: [0.5, 1]}}}}{region}}}")
     left, right = FIGURES["psd"](ds).axes
     assert (len(left.lines), len(right.lines)) == (4, 4)
@@ -77,7 +77,7 @@ def test_the_deformed_surface_is_drawn_beside_the_undeformed_one(region: str) ->
 def test_the_title_of_one_surface_is_that_of_the_load_alone(tmp_path: Path) -> None:
     np.save(tmp_path / "z.npy", np.random.default_rng(0).normal(size=(16, 16)))
     study = loads(
-        "surface: {file: z.npy, L: 1, periodic: true}\nsweep: {steps: 2}\nrecord: {psd: {at: last}}",
+        "surface: {file: z.npy, L: 1, sides: periodic}\nsweep: {steps: 2}\nrecord: {psd: {at: last}}",
         tmp_path / "s.yaml",
     )
     run(study, out=tmp_path / "out", jobs=1)

@@ -213,7 +213,7 @@ def test_every_row_argues_its_criterion() -> None:
 
 ROUGH = """
 name: rough
-surface: {H: 0.8, rolloff: 2, cut: 4, n: [8, 16, 32], L: 1.0, slope: 0.1, periodic: true, seeds: 2}
+surface: {H: 0.8, rolloff: 2, cut: 4, n: [8, 16, 32], L: 1.0, slope: 0.1, sides: periodic, seeds: 2}
 sweep: {contact_areas: [0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.8]}
 solver: {kernel: fourier}
 record: {psd: true, contact_perimeter: true, transport: {percolation: every-step}}

@@ -35,7 +35,7 @@ def _run(surface: str, folder: Path) -> Run:
 @pytest.mark.parametrize(
     ("surface", "origin"),
     [
-        ("D: [2.3, 2.6], m: 3, seeds: 2, periodic: true", "periodic surfaces"),
+        ("D: [2.3, 2.6], m: 3, seeds: 2, sides: periodic", "periodic surfaces"),
         ("D: [2.3, 2.6], m: 3, seeds: 2, sides: mirrored", "mirrored surfaces"),
         ("H: 0.7, n: 8, rolloff: 1, cut: 3, seeds: 2", "surfaces with a spectrum"),
     ],
@@ -48,7 +48,7 @@ def test_surfaces_of_another_origin_are_none_of_the_paper(surface: str, origin: 
 
 
 def test_a_report_has_every_figure_but_that_of_the_recursion(tmp_path: Path) -> None:
-    run = _run("D: [2.3, 2.6], m: 3, seeds: 2, periodic: true", tmp_path)
+    run = _run("D: [2.3, 2.6], m: 3, seeds: 2, sides: periodic", tmp_path)
     page = kit.to_html(report_of(judge([tmp_path / "study.nc"])))
     drawn = {name for name, figure in ALL.items() if figure.missing(run.dataset) is None}
     assert "fig01" not in drawn

@@ -56,7 +56,7 @@ def test_an_ensemble_without_steps_takes_twenty() -> None:
 def test_steps_are_a_number(rest: str) -> None:
     text = refused(SURFACE + "sweep: {steps: auto}\n" + rest)
     assert text.count("\n") == 0
-    assert "a.yaml:2: sweep.steps: is a number, as 20" in text
+    assert "a.yaml:2: sweep.steps: left with version 0.13.0; in its place: a number, as 20" in text
 
 
 def test_states_between_listed_ones_arerefused() -> None:

@@ -11,7 +11,7 @@ from roughvol.study import loads
 
 STUDY = """
 name: layer
-surface: {D: 2.3, m: 4, L: 160 um, Sq: 1 um, seeds: 1, periodic: true}
+surface: {D: 2.3, m: 4, L: 160 um, Sq: 1 um, seeds: 1, sides: periodic}
 material: {E: 10 MPa, nu: 0.3}
 sweep: {steps: 3, to: {pressure: 0.5 MPa}}
 """
@@ -45,7 +45,7 @@ def test_a_list_of_layers_is_refused():
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"surface.periodic": False}, "'layer' needs surface.sides: mirrored or periodic"),
+        ({"surface.sides": "free"}, "'layer' needs surface.sides: mirrored or periodic"),
         ({"solver.kernel": "punch"}, "'punch' has no layer; allowed with material.thickness: love, fourier"),
         ({"material.against": {"E": "1 GPa", "nu": 0.3}}, "a layer is pressed by a rigid surface"),
         ({"material.thickness": "0 um"}, "must be > 0"),

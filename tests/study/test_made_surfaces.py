@@ -43,7 +43,7 @@ def problems(text: str) -> dict[str, str]:
 def test_the_keys_of_the_issue_are_read() -> None:
     text = (
         "surface: {H: 0.8, rolloff: 8, shortest: 0.01, Sq: 1 um, Ssk: -1.0, anisotropy: 2.0, phases: random, "
-        "seeds: 10, n: 1024, L: 100 um, periodic: true}\nsweep: {steps: 0}"
+        "seeds: 10, n: 1024, L: 100 um, sides: periodic}\nsweep: {steps: 0}"
     )
     study = loads(text)
     assert isinstance(study.surface, SpectralSurface)
@@ -82,7 +82,7 @@ def test_the_same_surface_by_other_keys_is_the_same_case(one: str, other: str) -
 
 
 @pytest.mark.parametrize("change", ["rolloff: 3", "cut: 12", "Sq: 2", "slope: 0.1", "Ssk: 0", "anisotropy: 2",
-                                    "phases: random", "periodic: true"])  # fmt: skip
+                                    "phases: random", "sides: periodic"])  # fmt: skip
 def test_what_changes_the_surface_changes_the_id(change: str) -> None:
     keys = {"H": "0.8", "rolloff": "2", "n": "32", "seeds": "1"}
     name, value = change.split(": ")
@@ -126,7 +126,7 @@ def test_an_ensemble_has_nested_levels_of_one_spectrum() -> None:
 
 
 ASKED = "ensemble: {accuracy: {free_volume: 20 %}}\n"
-AUTO = "surface: {H: 0.8, cut: 20, n: auto, periodic: true}\n"
+AUTO = "surface: {H: 0.8, cut: 20, n: auto, sides: periodic}\n"
 
 
 def test_auto_is_read_back_and_has_the_levels_of_its_first_grid() -> None:
@@ -157,7 +157,7 @@ def test_a_patch_is_pressed() -> None:
 
 
 def test_a_periodic_surface_is_stored_with_its_exact_spectrum() -> None:
-    text = "surface: {H: 0.8, rolloff: 4, n: 32, Sq: 2 um, L: 100 um, seeds: 1, periodic: true}\nsweep: {steps: 0}\n"
+    text = "surface: {H: 0.8, rolloff: 4, n: 32, Sq: 2 um, L: 100 um, seeds: 1, sides: periodic}\nsweep: {steps: 0}\n"
     study = loads(text + "record: {psd: true, heights: true, texture: true}")
     result = run_case(study.cases()[0]).squeeze()
     assert float(result["Sq"]) == pytest.approx(2.0, rel=1e-12)
@@ -172,13 +172,13 @@ def test_a_periodic_surface_is_stored_with_its_exact_spectrum() -> None:
 
 
 def test_a_periodic_surface_is_pressed_on_a_periodic_half_space() -> None:
-    text = "surface: {H: 0.8, n: 32, rolloff: 4, seeds: 1, periodic: true}\nsweep: {steps: 3, to: {contact_area: 0.2}}"
+    text = "surface: {H: 0.8, n: 32, rolloff: 4, seeds: 1, sides: periodic}\nsweep: {steps: 3, to: {contact_area: 0.2}}"
     (case,) = cases(text)
     assert case.nodes_per_side == 32
     result = run_case(case).squeeze()
     np.testing.assert_allclose(result.free_volume, result.separation, atol=2e-6)  # displacements have no mean
     assert result.contact_area_fraction[-1] == pytest.approx(0.2, abs=2e-3)
-    (free,) = cases(text.replace(", periodic: true", ""))
+    (free,) = cases(text.replace(", sides: periodic", ""))
     assert free.nodes_per_side == 33
     assert free.id != case.id
 
@@ -191,7 +191,7 @@ def test_generated_and_measured_surfaces_have_a_spectrum_as_well() -> None:
 
 def test_sizes_and_costs_are_those_of_its_nodes() -> None:
     free, *_ = cases(STUDY)
-    periodic, *_ = cases("surface: {H: 0.8, rolloff: 4, n: 32, seeds: 2, periodic: true}\nsweep: {steps: 0}")
+    periodic, *_ = cases("surface: {H: 0.8, rolloff: 4, n: 32, seeds: 2, sides: periodic}\nsweep: {steps: 0}")
     assert (free.nodes_per_side, periodic.nodes_per_side) == (33, 32)
     assert (cost.shape_of(free), cost.shape_of(periodic)) == ((33, 33), (32, 32))
     assert checks.check_surfaces(loads(STUDY)) is None
@@ -224,12 +224,12 @@ def test_the_commands_work_with_a_spectrum(tmp_path: Any) -> None:
 
 # Sides
 
-GENERATED = "surface: {D: 2.3, m: 4, seeds: 1, periodic: true}\n"
+GENERATED = "surface: {D: 2.3, m: 4, seeds: 1, sides: periodic}\n"
 
 
 def test_ids_change_where_a_surface_is_periodic_and_nowhere_else() -> None:
     free, periodic = cases("surface: {D: 2.3, m: 4, seeds: 1}")[0], cases(GENERATED)[0]
-    assert free.id == cases("surface: {D: 2.3, m: 4, seeds: 1, periodic: false}")[0].id
+    assert free.id == cases("surface: {D: 2.3, m: 4, seeds: 1, sides: free}")[0].id
     assert periodic.id != free.id
     assert periodic.periodic
     assert periodic.id != cases(GENERATED + "solver: {kernel: fourier}")[0].id
@@ -245,13 +245,12 @@ FILE = "surface: {file: z.npy, L: 1%s}"
 
 
 @pytest.mark.parametrize("text", [*MADE, FILE])
-def test_sides_are_those_given_by_either_key(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`periodic` is a word for sides: periodic and free; files are mirrored and made surfaces free by default."""
+def test_sides_are_those_given(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files are mirrored and made surfaces free by default."""
     monkeypatch.chdir(tmp_path)
     np.save("z.npy", np.random.default_rng(0).random((12, 12)))
-    words = {"": "mirrored" if text == FILE else "free", ", periodic: false": "free", ", periodic: true": "periodic"}
+    words = {"": "mirrored" if text == FILE else "free"}
     words |= {f", sides: {sides}": sides for sides in ("free", "mirrored", "periodic")}
-    words |= {", periodic: false, sides: mirrored": "mirrored", ", periodic: true, sides: periodic": "periodic"}
     for word, sides in words.items():
         study = loads(text % word)
         (case,) = study.cases()
@@ -261,16 +260,9 @@ def test_sides_are_those_given_by_either_key(text: str, tmp_path: Path, monkeypa
         assert loads(study.to_yaml()) == study
         assert loads(study.stored(), stored=True).surface.sides == sides
         assert study.changed(**{"sweep.steps": 3}).surface.sides == sides
-        assert study.changed(**{"surface.periodic": True}).surface.sides == "periodic"
         assert study.changed(**{"surface.sides": "mirrored"}).surface.sides == "mirrored"
     ids = {loads(text % f", sides: {sides}").cases()[0].id for sides in ("free", "mirrored", "periodic")}
     assert len(ids) == 3
-    for contradiction in (
-        "periodic: true, sides: free",
-        "periodic: true, sides: mirrored",
-        "periodic: false, sides: periodic",
-    ):
-        assert "surface.sides: contradicts 'periodic'" in refused(text % f", {contradiction}", tmp_path / "study.yaml")
 
 
 def test_mirrored_and_periodic_surfaces_take_what_needs_an_endless_plane() -> None:
@@ -299,10 +291,10 @@ def test_a_stored_study_without_sides_has_those_of_its_version() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("surface: {file: z.npy, L: 1, periodic: true, level: tilt}", "allowed with sides: periodic are none, mean"),
-        ("surface: {file: z.npy, L: 1, periodic: true, downsample: 2}", "surface.downsample: changes or cuts"),
-        ("surface: {file: z.npy, L: 1, periodic: true, low_pass: 0.5}", "surface.low_pass: changes or cuts"),
-        ("surface: {file: z.npy, L: 1, periodic: true, crop: {x: [0, 0.5]}}", "surface.crop: changes or cuts"),
+        ("surface: {file: z.npy, L: 1, sides: periodic, level: tilt}", "allowed with sides: periodic are none, mean"),
+        ("surface: {file: z.npy, L: 1, sides: periodic, downsample: 2}", "surface.downsample: changes or cuts"),
+        ("surface: {file: z.npy, L: 1, sides: periodic, low_pass: 0.5}", "surface.low_pass: changes or cuts"),
+        ("surface: {file: z.npy, L: 1, sides: periodic, crop: {x: [0, 0.5]}}", "surface.crop: changes or cuts"),
     ],
 )
 def test_what_cannot_be_is_refused_with_its_key(
@@ -322,7 +314,7 @@ def test_a_period_is_one_pixel_longer_than_its_nodes(tmp_path: Path) -> None:
     assert pytest.approx(2.5) == loads(text.format("false"), tmp_path / "s.yaml").cases()[0].L
     assert pytest.approx(3.0) == loads(text.format("true"), tmp_path / "s.yaml").cases()[0].L
     with pytest.raises(StudyError, match="a period of 3"):
-        loads("surface: {file: z.xyz, L: 2.5, periodic: true}", tmp_path / "s.yaml").cases()
+        loads("surface: {file: z.xyz, L: 2.5, sides: periodic}", tmp_path / "s.yaml").cases()
 
 
 def test_the_kernels_of_a_study_are_those_of_the_half_spaces():

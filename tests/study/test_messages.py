@@ -61,7 +61,7 @@ def test_a_load_is_the_nominal_pressure_times_the_area_of_all_elements(
     tmp_path: Path, periodic: bool, excess: float
 ) -> None:
     text = (
-        f"surface: {{D: 2.3, m: 5, seeds: 1, L: 1 mm, Sq: 1 um, periodic: {str(periodic).lower()}}}\n"
+        f"surface: {{D: 2.3, m: 5, seeds: 1, L: 1 mm, Sq: 1 um, sides: {'periodic' if periodic else 'free'}}}\n"
         "material: {E_star: 10 MPa}\nsweep: {steps: 2, to: {load: 0.02 N}}\nrecord: {dimensional: {pressure: MPa}}"
     )
     ds = roughvol.run(loads(text, "s.yaml"), out=tmp_path / "run", jobs=1)
@@ -72,7 +72,7 @@ def test_a_load_is_the_nominal_pressure_times_the_area_of_all_elements(
     ("text", "keys"),
     [
         ("surface: {D: 2.3, m: 4}\nsweep: {steps: []}\nrecord: {fields_at: last}", "sweep.steps"),
-        ("surface: {D: 2.3, m: 4, periodic: 1}\nsolver: {kernel: fourier}", "surface.periodic"),
+        ("surface: {D: 2.3, m: 4, sides: 1}\nsolver: {kernel: fourier}", "surface.sides"),
         ("surface: {D: [2.3, 9, 2.3], m: 4}\nsolver: {kernel: fourier}", "solver.kernel surface.D[1] surface.D[2]"),
         ("surface: {D: 2.3}\nmaterial: {E_star: 1, hardness: 1 GPa}", "material.hardness surface.m"),
         ("surface: {file: no.npy, variable: z}", "surface.L surface.file surface.variable"),

@@ -353,7 +353,7 @@ def test_defaults_are_part_of_the_key_written_out_or_not(tmp_path: Path) -> None
     np.save(tmp_path / "z.npy", np.arange(12.0).reshape(3, 4))
     one = "surface: {file: z.npy, L: 2, sides: free}"
     defaults = "level: none, missing: refuse, low_pass: null, against: null}"
-    texts = one, f"surface: {{file: z.npy, L: 2, periodic: false, unit: um, {defaults}"
+    texts = one, f"surface: {{file: z.npy, L: 2, sides: free, unit: um, {defaults}"
     cases = [loads(text, tmp_path / "study.yaml").cases()[0] for text in texts]
     assert [case.id for case in cases] == ["z-c0baff5c"] * 2  # pinned: a change outdates every stored case
     assert cases[0].key["surface"]["treatment"].keys() == {field.name for field in fields(UNTREATED)}

@@ -25,7 +25,7 @@ from pydantic import (
 
 from roughvol.study.plain_data import number_text, printable
 from roughvol.study.sections.strict import Strict, refuse_at
-from roughvol.study.sections.surface import PERIODIC, SIDES, UNIT, Sized
+from roughvol.study.sections.surface import SIDES, UNIT, Sized
 from roughvol.study.values.types import as_tuple, refuse, two
 from roughvol.study.values.units import HeightsUnit, In, Length, LengthUnit, unit_of
 from roughvol.surfaces.body import Columns, Header, Levelling, Mirror, Missing, Resampling
@@ -256,7 +256,6 @@ class HeightFile(Sized):
         "from twice the spacing to the shorter side; default: no filter",
     )
     sides: Sides = Field(default="mirrored", description=SIDES)
-    periodic: bool = Field(default=False, exclude=True, description=PERIODIC)
     against: CounterBody | None = Field(
         default=None,
         description="{file, variable, mirror}: the second of two rough bodies; heights are added",

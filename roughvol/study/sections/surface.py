@@ -6,12 +6,12 @@ The spectrum has a roll-off and a cut-off wavelength.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_serializer, model_validator
 
 from roughvol.study.sections.ensemble import AUTO_FROM, AUTO_TO
-from roughvol.study.sections.strict import Strict, nearest, refuse_at
+from roughvol.study.sections.strict import Strict, nearest
 from roughvol.study.values.types import Auto, Dimension, Many, Positive, Refinement, Seed, Whole, refuse, whole
 from roughvol.study.values.units import Length, LengthUnit, unit_of
 from roughvol.surfaces.length_units import factor
@@ -25,8 +25,7 @@ SIDES = (
     "periods. Mirrored and periodic surfaces make an endless plane. A period has no repeated edge: L is δ times its "
     "nodes"
 )
-UNSAID = "unsaid"  # key of a context with the sides of a surface that has none of both keys
-PERIODIC = "another word for sides: true is periodic; false, without sides, is free"
+UNSAID = "unsaid"  # key of a context with the sides of a surface without the key
 SPECTRAL = ("H", "n", "rolloff", "cut", "shortest", "slope", "Ssk", "anisotropy", "phases")  # keys of no other surface
 FEWEST, MOST = 8, 8192  # nodes per side
 STEEPEST = 3.0  # skewness
@@ -77,24 +76,17 @@ class Sized(Strict):
         L: float | None
         unit: str | None
         sides: Sides
-        periodic: bool
 
     @model_validator(mode="before")
     @classmethod
-    def _of_period(cls, data: Any, info: ValidationInfo) -> Any:
-        """Take ``periodic`` as a word for ``sides``; it is true of a period."""
-        if not isinstance(data, dict):
-            return data
-        word, sides = data.get("periodic"), data.get("sides")
-        if word is None:
-            known = {"periodic": True} if sides == "periodic" else {}
-            return {**known, **data} if sides is not None else {**data, **(info.context or {}).get(UNSAID, {})}
-        if not isinstance(word, bool):
-            return data
-        if sides in get_args(Sides) and word != (sides == "periodic"):
-            message = "contradicts 'periodic', which is another word for it: give one of them"
-            refuse_at(("sides",), sides, message)
-        return {"sides": "periodic" if word else "free", **data}
+    def _unsaid(cls, data: Any, info: ValidationInfo) -> Any:
+        """Give the sides of versions without the key to their studies."""
+        return {**(info.context or {}).get(UNSAID, {}), **data} if isinstance(data, dict) else data
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the surface is one period of a plane."""
+        return self.sides == "periodic"
 
     @property
     def length_unit(self) -> str | None:
@@ -129,7 +121,6 @@ class GeneratedSurface(Sized):
         default="std", description="quantity divided by 2^((3-D)/2) in each half step: 'std' or 'variance'"
     )
     sides: Sides = Field(default="free", description=SIDES)
-    periodic: bool = Field(default=False, exclude=True, description=PERIODIC)
     unit: LengthUnit | None = Field(default=None, description=UNIT)
     Sq: Length | None = Field(
         default=None,
@@ -192,7 +183,6 @@ class SpectralSurface(Sized):
     seeds: Seeds = Field(default=10)  # type: ignore[arg-type]  # a number, see `_counted`
     unit: LengthUnit | None = Field(default=None, description=UNIT)
     sides: Sides = Field(default="free", description=SIDES)
-    periodic: bool = Field(default=False, exclude=True, description=PERIODIC)
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> dict[str, Any]:

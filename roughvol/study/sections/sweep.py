@@ -115,12 +115,6 @@ def _tag_to(value: Any) -> str:
     return "<state>" if isinstance(value, dict | Target) or value == "percolation" else "<plane>"
 
 
-def _number_of_steps(value: Any) -> Any:
-    if value == "auto":
-        refuse("is a number, as 20; without the key an ensemble takes 20 steps, and other studies 60")
-    return value
-
-
 def _spelled(data: Any) -> Any:
     """Return the data of a sweep with the number of steps and the last state that follow from its list."""
     given = [name for name in LISTS if data.get(name)] if isinstance(data, dict) else []
@@ -158,7 +152,7 @@ def _misplaced(levels: Sequence[Any], *, either: bool) -> tuple[int | None, str]
 class Sweep(Strict):
     """Number of equal steps of indentation, and the last state."""
 
-    steps: Annotated[Whole, Field(ge=0, le=10_000), BeforeValidator(_number_of_steps)] = Field(
+    steps: Annotated[Whole, Field(ge=0, le=10_000)] = Field(
         default=60,
         description="number of equal steps of indentation, 0 to 10000; 0: no contact; 20 in an ensemble without steps",
     )

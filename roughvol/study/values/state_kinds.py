@@ -90,7 +90,9 @@ STARRED = {kind.name: kind for kind in STATE_KINDS.values() if kind.is_starred}
 OF_ALL = "a load is the nominal pressure times N^2 δ^2, on a free patch of N = 33 nodes a side 6 % more than L^2"
 """The area that a load acts on, in words."""
 REACHED = 1e-5  # relative; of d/σ, which passes 0, a share of σ at least
-_SHORT = {kind.symbol[0]: kind.name for kind in STARRED.values()}
+SYMBOLS = {kind.symbol[0]: kind.name for kind in STARRED.values()}
+"""Kinds by their symbols."""
+
 _LEG = re.compile(r",\s*leg\s*=?\s*(\d+)\s*$")
 
 
@@ -165,7 +167,7 @@ def parse(text: str) -> Level:
     name, equals, value = (part.strip() for part in rest.partition("="))
     if name == "last" and not equals:
         return Level("last", leg=leg)
-    name = _SHORT.get(name, name)
+    name = SYMBOLS.get(name, name)
     if not equals or name not in (*STATE_KINDS, "step"):
         allowed = ", ".join((*STATE_KINDS, "step"))
         message = (

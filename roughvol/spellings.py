@@ -1,0 +1,105 @@
+"""Former spellings of public names, for studies, commands and Python.
+
+Before version `until` a former spelling works, with a warning that has the new one. From then on it is refused with the
+new one. docs/reference/promise.md says how long. Names that left before version 1.0 did not work on.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import lazy_loader
+
+from roughvol._version import __version__
+from roughvol.errors import RoughvolDeprecation, warn
+
+Kind = Literal["key", "load", "variable", "attribute", "figure", "option", "answer", "exit code", "name", "entry point"]
+
+
+@dataclass(frozen=True)
+class Former:
+    """A former spelling.
+
+    Attributes
+    ----------
+    kind : str
+        What it names. An answer is a key of ``--json``.
+    old : str
+        A key with its sections, also with a value, as ``sweep.steps=auto``; an option behind its command; a Python name
+        behind its module.
+    new : str
+        The new spelling, or what to do.
+    since, until : str
+        The version that brought the new spelling, and the first that refuses the former one.
+    values : mapping
+        New values of a key by former ones. Other values stay.
+    """
+
+    kind: Kind
+    old: str
+    new: str
+    since: str
+    until: str
+    values: Mapping[object, object] = field(default_factory=dict)
+
+    @property
+    def works(self) -> bool:
+        """Whether this version takes it."""
+        return _number(__version__) < _number(self.until)
+
+    @property
+    def message(self) -> str:
+        """The state of the spelling and the new one."""
+        if self.works:
+            return f"is the former spelling of {self.new}, and works until version {self.until}"
+        return f"left with version {self.until}; in its place: {self.new}"
+
+
+FORMER = (
+    Former("key", "surface.periodic", "surface.sides", "0.16.0", "2.0.0", {True: "periodic", False: "free"}),
+    Former("key", "sweep.steps=auto", "a number, as 20; an ensemble without it takes 20", "0.13.0", "0.13.0"),
+    Former("option", "ask --no-solve", "nothing: ask solves only with --budget", "0.12.0", "0.14.0"),
+    Former("option", "ask --pressure", "--at pressure=VALUE", "0.12.0", "0.14.0"),
+    Former("option", "creep --pressure", "--at pressure=VALUE", "0.12.0", "0.14.0"),
+    Former("option", "status --out", "roughvol status FOLDER", "0.12.0", "0.14.0"),
+    Former("option", "ls --out", "roughvol ls FOLDER", "0.12.0", "0.14.0"),
+    Former("option", "explain --markdown", "the page docs/reference/keys-and-variables.md", "0.14.0", "0.14.0"),
+    Former("figure", "answer_cost", "ensemble_cost", "0.13.0", "0.13.0"),
+    Former("figure", "tradeoff_answer", "the other figures of roughvol tradeoff", "0.13.0", "0.13.0"),
+    Former("name", "roughvol.contact.PeriodicHalfSpace", 'HalfSpace(shape, sides="periodic")', "0.14.0", "0.14.0"),
+    Former("name", "roughvol.surfaces.levelling", "roughvol.surfaces.treatment", "0.14.0", "0.14.0"),
+)
+
+
+def of(kind: Kind, table: tuple[Former, ...] | None = None) -> Iterator[Former]:
+    """Yield the former spellings of a kind."""
+    return (row for row in (FORMER if table is None else table) if row.kind == kind)
+
+
+def former(kind: Kind, old: str) -> Former | None:
+    """Return the row of a former spelling, None of another text."""
+    return next((row for row in of(kind) if row.old == old), None)
+
+
+def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Return ``__getattr__``, ``__dir__`` and ``__all__`` of the stub of a package, with its former names."""
+    of_stub, names, every = lazy_loader.attach_stub(package, file)
+
+    def attribute(name: str) -> Any:
+        row = former("name", f"{package}.{name}")
+        if row is None:
+            return of_stub(name)
+        warn([f"{row.old} {row.message}"], RoughvolDeprecation)  # an ImportError would not show the message
+        if not row.works:
+            raise AttributeError(f"{row.old} {row.message}")
+        return of_stub(row.new.rpartition(".")[2])
+
+    return attribute, names, every
+
+
+def _number(version: str) -> list[int]:
+    """Return the numbers of a version."""
+    return [int(part) for part in re.findall(r"\d+", version)[:3]]
