@@ -3,7 +3,8 @@
 Room of the study. It loads without numpy. One `StudyError` has all problems of a file in its order, each with line,
 key, given value and allowed values.
 
-=============  ================================================================"""
+=============  ================================================================
+"""
 
 from roughvol.spellings import attach
 
