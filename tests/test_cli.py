@@ -58,6 +58,35 @@ def test_help_imports_nothing_heavy() -> None:
     assert "Examples:" in done.stdout
 
 
+UNITS = """
+surface: {D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}
+material: {E_star: 10 MPa}
+sweep: {steps: 4, to: {pressure: 2 bar}}
+record: {dimensional: {pressure: kPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s}}}
+"""
+UNUSED = {  # by command, in one process: later commands may import more
+    "explain leak_rate": "xarray scipy.sparse pint matplotlib",
+    "ls": "xarray scipy.sparse pint matplotlib",
+    "status units.yaml": "xarray scipy.sparse pint matplotlib",
+    "show tiny": "pyfftw scipy.linalg scipy.interpolate scipy.ndimage matplotlib",
+    "compare tiny tiny": "pyfftw scipy.linalg scipy.interpolate scipy.ndimage matplotlib",
+    "check units.yaml": "scipy.optimize scipy.interpolate scipy.ndimage matplotlib",
+}
+
+
+def test_a_command_that_computes_nothing_imports_only_what_it_uses(place: Path) -> None:
+    (place / "units.yaml").write_text(UNITS)
+    code = (
+        "import sys\nfrom roughvol.cli import main\n"
+        f"for command, unused in {UNUSED}.items():\n"
+        "    main(command.split(), standalone_mode=False)\n"
+        "    print(command, *(name for name in unused.split() if name in sys.modules), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stderr
+    assert [line for line in done.stderr.splitlines() if line.startswith(tuple(UNUSED))] == list(UNUSED)
+
+
 def test_version_is_that_of_the_package() -> None:
     assert roughvol.__version__ in call("--version").output
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy import optimize
+import scipy
 from xarray import Dataset
 
 from roughvol.analysis.closing import Span, span_of, spans
@@ -177,7 +177,7 @@ class Curve:
                 return float(x[k])
             if excess(x[k + 1]) >= 0.0:
                 return float(x[k + 1])
-            return float(optimize.brentq(excess, x[k], x[k + 1], xtol=1e-14, rtol=1e-14))
+            return float(scipy.optimize.brentq(excess, x[k], x[k + 1], xtol=1e-14, rtol=1e-14))
 
         found = crossing(0.0)
         error = float(self._read(np.array([found]))[1][0])

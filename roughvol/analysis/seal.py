@@ -38,7 +38,6 @@ from roughvol.analysis.leak_card import Part, together
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.tables import number
 from roughvol.ensemble.multilevel import COVERAGE, half_width
-from roughvol.gap import sheet
 from roughvol.store.dataset import Dataset
 from roughvol.study import Region, Seal, Study
 from roughvol.surfaces.psd import octaves
@@ -124,6 +123,8 @@ def conductance_of(values: Array, patches: tuple[int, int], *, isotropic: bool, 
     draws : int
         Number of sheets.
     """
+    from roughvol.gap import sheet  # the solver of a flow is imported for seals alone
+
     return _estimate(values, patches, isotropic, sheet.conductance, np.mean, draws)
 
 
@@ -150,6 +151,8 @@ def of_one_map(whole: Array, quadrants: Array, patches: tuple[int, int], *, isot
 
 def closing_of(values: Array, patches: tuple[int, int], *, isotropic: bool) -> Estimate:
     """Return the load at which a seal closes, from those of its patches; arguments as for `conductance_of`."""
+    from roughvol.gap import sheet
+
     return _estimate(values, patches, isotropic, sheet.closing, np.max, DRAWS)
 
 
@@ -157,7 +160,7 @@ def drawn(
     along: Array,
     across: Array,
     patches: tuple[int, int],
-    of: Callable[..., float] = sheet.conductance,
+    of: Callable[..., float],
     together: Callable[..., Array] = np.mean,
     draws: int = DRAWS,
     seed: int = 0,

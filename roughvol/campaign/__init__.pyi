@@ -1,10 +1,10 @@
 from .batch import Progress as Progress
+from .case_surface import surface_of as surface_of
 from .checks import check_surfaces as check_surfaces
 from .cost import Estimate as Estimate
 from .cost import estimate as estimate
 from .execution import collect as collect
 from .one_case import Context as Context
 from .one_case import run_case as run_case
-from .one_case import surface_of as surface_of
 from .python import run as run
 from .validity import foreseen as foreseen

@@ -14,7 +14,7 @@ from typing import Any
 
 from roughvol.campaign import execution
 from roughvol.campaign.batch import OnEvent
-from roughvol.campaign.one_case import surface_of
+from roughvol.campaign.case_surface import surface_of
 from roughvol.errors import Problem, StudyError
 from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.study import HeightFile, Level, Quantity, Region, Seal, Study

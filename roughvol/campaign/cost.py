@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from roughvol.campaign import machine
-from roughvol.campaign.one_case import surface_of
+from roughvol.campaign.case_surface import surface_of
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.ensemble.cost import expected_seconds, observable_seconds
 from roughvol.errors import CampaignError, ResourceError

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-from roughvol.campaign.one_case import surface_of
+from roughvol.campaign.case_surface import surface_of
 from roughvol.study import STARRED, Case, ContactModulus, Level, MadeSurface, Study
 from roughvol.study.plain_data import number_text
 from roughvol.study.sections import treatment

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import functools
 import math
-import sys
 import time
 from collections.abc import Callable, MutableMapping
-from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from threadpoolctl import ThreadpoolController
-
 from roughvol.campaign import path
+from roughvol.campaign.case_surface import one_thread, surface_of
 from roughvol.contact import convolution
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.kernels import Kernel, kernel_of
@@ -27,10 +23,7 @@ from roughvol.store import dataset, provenance, small_file
 from roughvol.store.checkpoint import Checkpoint
 from roughvol.store.dataset import Arrays, Dataset
 from roughvol.study import Case
-from roughvol.surfaces import measured
-from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
-from roughvol.surfaces.waves import power_law_surface
 from roughvol.typing import Sides
 
 HalfSpaces = MutableMapping[tuple[tuple[int, int], Sides, Kernel, int], HalfSpace]
@@ -172,23 +165,6 @@ def undeformed(case: Case, surface: Surface) -> Values:
     return values
 
 
-@functools.lru_cache(maxsize=1)
-def _libraries(modules: int) -> ThreadpoolController:
-    """Return the control of the threads of all libraries. The search takes 2 ms, once for a number of modules."""
-    return ThreadpoolController()
-
-
-def one_thread() -> AbstractContextManager[object]:
-    """Return a context in which the libraries of linear algebra use one thread.
-
-    Returns
-    -------
-    context manager
-        It restores the number of threads.
-    """
-    return _libraries(len(sys.modules)).limit(limits=1)
-
-
 def _swept(
     case: Case,
     surface: Surface,
@@ -214,41 +190,6 @@ def _swept(
             if stopped:
                 raise Stopped
     return reduced.values()
-
-
-def surface_of(case: Case) -> Surface:
-    """Return the surface of a case, generated or read from its files.
-
-    Parameters
-    ----------
-    case : Case
-        Its D, m, seed and law or spectrum, or its files.
-
-    Returns
-    -------
-    Surface
-        The undeformed surface.
-
-    Raises
-    ------
-    SurfaceError, DatasetError
-        If it cannot be made or read.
-    """
-    if case.file is not None:
-        with one_thread():  # levelling sums over all nodes
-            return measured.surface(case.bodies, case.treatment, case.L, case.length_unit, sides=case.sides)
-    assert case.D is not None
-    assert case.m is not None
-    assert case.seed is not None
-    if case.spectrum is not None:
-        with one_thread():
-            made = power_law_surface(case.spectrum, 3.0 - case.D, 2**case.m, side=case.L, seed=case.seed)
-    else:
-        assert case.midpoint_law is not None
-        made = random_midpoint_displacement(
-            case.D, case.m, side=case.L, seed=case.seed, law=case.midpoint_law, periodic=case.periodic
-        )
-    return made if made.sides == case.sides else replace(made, sides=case.sides)
 
 
 def kernel_on(spacing: float, case: Case) -> Kernel:

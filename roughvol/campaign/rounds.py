@@ -16,8 +16,9 @@ import numpy as np
 
 from roughvol.campaign import collection
 from roughvol.campaign.batch import Batch, Control, Progress
+from roughvol.campaign.case_surface import one_thread, surface_of
 from roughvol.campaign.collection import Finished
-from roughvol.campaign.one_case import Context, arrays_of_case, one_thread, surface_of
+from roughvol.campaign.one_case import Context, arrays_of_case
 from roughvol.ensemble import answer, cost, samples, step_error
 from roughvol.ensemble.design import Design
 from roughvol.ensemble.prediction import Expected, Prediction

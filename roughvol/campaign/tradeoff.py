@@ -27,7 +27,8 @@ from typing import Any
 
 import numpy as np
 
-from roughvol.campaign.one_case import FFT, one_thread, surface_of
+from roughvol.campaign.case_surface import one_thread, surface_of
+from roughvol.campaign.one_case import FFT
 from roughvol.campaign.path import last_indentation
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.kernels import KERNELS

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from roughvol.campaign import path
-from roughvol.campaign.one_case import surface_of
+from roughvol.campaign.case_surface import surface_of
 from roughvol.study import Level, MadeSurface, SpectralSurface, Study, convert
 from roughvol.study.values.units import in_unit, unit_of
 from roughvol.surfaces import texture

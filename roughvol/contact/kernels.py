@@ -29,7 +29,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import special
+import scipy
 
 from roughvol.errors import ContactError
 from roughvol.typing import Array, Index, Shape
@@ -292,7 +292,7 @@ def _far_part(row: Array, column: Array, kernel: Kernel) -> Array:
     for i, j in itertools.product(aliases, repeat=2):
         f = _frequency(row + i, column + j)
         turn = np.pi * f / _WIDTH
-        waves = special.erfc(turn) if kernel.waves is None else kernel.waves(f) - special.erf(turn)
+        waves = scipy.special.erfc(turn) if kernel.waves is None else kernel.waves(f) - scipy.special.erf(turn)
         total += np.sinc(row + i) * np.sinc(column + j) * waves / f
     return total
 
@@ -303,7 +303,9 @@ def _near_part() -> Array:
     node, weight = np.polynomial.legendre.leggauss(_POINTS)
     along = offset[:, None] - 0.5 * node
     r = np.hypot(along[:, None, :, None], along[None, :, None, :])
-    smooth = np.where(r > 0.0, special.erf(_WIDTH * r) / np.where(r > 0.0, r, 1.0), 2.0 * _WIDTH / math.sqrt(math.pi))
+    smooth = np.where(
+        r > 0.0, scipy.special.erf(_WIDTH * r) / np.where(r > 0.0, r, 1.0), 2.0 * _WIDTH / math.sqrt(math.pi)
+    )
     return love_kernel(offset[:, None], offset) - 0.25 * np.einsum("ijkl,k,l->ij", smooth, weight, weight)
 
 

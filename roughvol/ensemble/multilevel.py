@@ -50,7 +50,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
-from scipy import special
+import scipy
 
 from roughvol.typing import Array
 
@@ -106,7 +106,7 @@ class Mean:
 
 def quantile(freedom: float) -> float:
     """Return Student's quantile of 97.5 %, also for fractional degrees of freedom."""
-    return float(special.stdtrit(freedom, 0.5 * (1.0 + COVERAGE)))
+    return float(scipy.special.stdtrit(freedom, 0.5 * (1.0 + COVERAGE)))
 
 
 def half_width(scatter: Scatter, samples: float) -> Scatter:

@@ -6,9 +6,8 @@ Conventions are those of `transport`: void is 4-connected, contact 8-connected. 
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage, sparse
-from scipy.sparse import csgraph
 
 from roughvol.errors import ContactError
 from roughvol.typing import Array, Index, Mask
@@ -130,14 +129,16 @@ def joined(axis: int, periodic: bool) -> tuple[bool, bool]:
 def labelled(mask: Mask, structure: NDArray[Any], joined: tuple[bool, bool]) -> tuple[NDArray[np.integer], int]:
     """Return the numbers of the connected clusters, and how many there are. Sides may be joined along each axis."""
     if not any(joined):
-        labels, count = ndimage.label(mask, structure)
+        labels, count = scipy.ndimage.label(mask, structure)
         return labels, int(count)
+    from scipy.sparse import csgraph  # for periods alone
+
     margin = [(int(join), int(join)) for join in joined]
-    labels, count = ndimage.label(np.pad(mask, margin, mode="wrap"), structure)
+    labels, count = scipy.ndimage.label(np.pad(mask, margin, mode="wrap"), structure)
     inside = labels[tuple(slice(join, size - join) for join, size in zip(map(int, joined), labels.shape, strict=True))]
     same = np.pad(inside, margin, mode="wrap")  # an element and its image
     pairs = np.unique(np.stack([labels.ravel(), same.ravel()])[:, (labels != same).ravel()], axis=1)
-    graph = sparse.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(count + 1, count + 1))
+    graph = scipy.sparse.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(count + 1, count + 1))
     _, number = csgraph.connected_components(graph, directed=False)
     found, numbers = np.unique(number[1:], return_inverse=True)  # 0 is the closed rest, joined to none
     return np.concatenate([[0], numbers + 1])[inside], found.size

@@ -4,7 +4,7 @@ Conventions are those of `transport`. Neither solves a field.
 """
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from roughvol.errors import ContactError
 from roughvol.gap.clusters import check_exponent, check_gap
@@ -44,7 +44,7 @@ def effective_medium(gap: Array, exponent: float = 3.0, *, closes_at: float = 0.
     low = float(log_k.min()) - np.log(gap.size)  # where all open elements count as +1 to one part in their number
     while excess(low) < 0.0:
         low *= 2.0
-    root = 0.0 if excess(0.0) >= 0.0 else optimize.brentq(excess, low, 0.0, xtol=1e-13, rtol=1e-13)
+    root = 0.0 if excess(0.0) >= 0.0 else scipy.optimize.brentq(excess, low, 0.0, xtol=1e-13, rtol=1e-13)
     return float(np.exp(root - exponent * np.log(np.mean(gap / values.max()))))
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.interpolate import PchipInterpolator
 
 from roughvol.typing import Array
 
@@ -47,7 +47,7 @@ def at_state(state: ArrayLike, quantity: ArrayLike, values: ArrayLike, *, straig
     x, y = x[advancing], y[advancing]
     if x.size < 2:
         return np.where(points == x[0], y[0], np.nan)
-    interpolated: Array = PchipInterpolator(x, y, extrapolate=False)(points)
+    interpolated: Array = scipy.interpolate.PchipInterpolator(x, y, extrapolate=False)(points)
     return interpolated
 
 

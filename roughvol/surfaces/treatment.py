@@ -10,8 +10,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy import interpolate, ndimage, sparse
-from scipy.sparse import linalg
+import scipy
 
 from roughvol.errors import SurfaceError
 from roughvol.typing import Array, Index, Mask
@@ -60,8 +59,8 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
     reach = window // 2
     framed = np.pad(rest, reach, mode="wrap") if periodic else np.pad(rest, reach, constant_values=np.nan)
     here = (slice(reach, -reach),) * 2
-    low = ndimage.minimum_filter(np.where(np.isnan(framed), np.inf, framed), size=window)[here]
-    high = ndimage.maximum_filter(np.where(np.isnan(framed), -np.inf, framed), size=window)[here]
+    low = scipy.ndimage.minimum_filter(np.where(np.isnan(framed), np.inf, framed), size=window)[here]
+    high = scipy.ndimage.maximum_filter(np.where(np.isnan(framed), -np.inf, framed), size=window)[here]
     with np.errstate(invalid="ignore"):
         suspect = known & ((rest - low > limit) | (high - rest > limit) | (np.abs(rest - middle) > limit))
     row, column = np.nonzero(suspect)
@@ -143,7 +142,7 @@ def squared(heights: Array, ratio: float) -> Array:
     position = np.where(np.abs(position - nearest) < AT_NODE * nodes, nearest, position)
     missing = np.isnan(heights)
     filled = fill(heights, "interpolate") if missing.any() else heights
-    spline = interpolate.make_interp_spline(np.arange(nodes), filled, k=min(3, nodes - 1), axis=axis)
+    spline = scipy.interpolate.make_interp_spline(np.arange(nodes), filled, k=min(3, nodes - 1), axis=axis)
     between = np.floor(position).astype(int), np.ceil(position).astype(int)
     gone = missing.take(between[0], axis=axis) | missing.take(between[1], axis=axis)
     return np.where(gone, np.nan, spline(position))
@@ -254,7 +253,7 @@ def _nearest(missing: Mask, periodic: bool) -> tuple[Index, Index]:
     # every known node of a period has an image within half a period along each axis
     frame = ((rows // 2 + 1,) * 2, (columns // 2 + 1,) * 2) if periodic else ((0, 0), (0, 0))
     padded = np.pad(missing, frame, mode="wrap") if periodic else missing
-    row, column = ndimage.distance_transform_edt(padded, return_distances=False, return_indices=True)
+    row, column = scipy.ndimage.distance_transform_edt(padded, return_distances=False, return_indices=True)
     top, left = frame[0][0], frame[1][0]
     here = np.s_[top : top + rows, left : left + columns]
     return (row[here] - top) % rows, (column[here] - left) % columns
@@ -265,6 +264,8 @@ def _harmonic(heights: Array, missing: Mask, periodic: bool) -> Array:
 
     A period has no rim.
     """
+    from scipy.sparse import linalg  # for holes alone
+
     rows, columns = heights.shape
     number = np.full(heights.shape, -1)
     number[missing] = np.arange(missing.sum())
@@ -285,7 +286,7 @@ def _harmonic(heights: Array, missing: Mask, periodic: bool) -> Array:
         np.add.at(known_sum, own[~unknown], scaled[there][~unknown])
         entries.append((own[unknown], number[there][unknown]))
     first, second = (np.concatenate(part) for part in zip(*entries, strict=True))
-    coupling = sparse.coo_array((-np.ones(len(first)), (first, second)), shape=(len(here), len(here)))
-    system = (sparse.diags_array(neighbours) + coupling).tocsc()
+    coupling = scipy.sparse.coo_array((-np.ones(len(first)), (first, second)), shape=(len(here), len(here)))
+    system = (scipy.sparse.diags_array(neighbours) + coupling).tocsc()
     solved = linalg.spsolve(system, known_sum, permc_spec="MMD_AT_PLUS_A")
     return np.ldexp(np.atleast_1d(solved), exponent)

@@ -16,8 +16,8 @@ import functools
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import optimize
 
 from roughvol.errors import SurfaceError
 from roughvol.surfaces.spectrum import Spectrum
@@ -146,7 +146,7 @@ def skewed(waves: Waves, spectrum: Spectrum) -> Waves:
     if not excess(below) <= 0.0 <= excess(above):
         low, high = wanted + excess(below), wanted + excess(above)
         raise SurfaceError(f"Ssk = {wanted:g} is out of reach of these waves; allowed: {low:.2f} to {high:.2f}")
-    found = optimize.brentq(excess, below, above, xtol=1e-11, rtol=1e-11)
+    found = scipy.optimize.brentq(excess, below, above, xtol=1e-11, rtol=1e-11)
     if abs(excess(found)) > SKEWNESS_ERROR:  # pragma: no cover, the skewness is continuous in s
         raise SurfaceError(f"Ssk = {wanted:g} was not met: {excess(found) + wanted:g}")
     return translated(found)

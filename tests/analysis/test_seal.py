@@ -46,7 +46,7 @@ def test_a_seal_of_one_patch_across_has_the_mean_and_of_one_along_the_harmonic_m
     values = patches(6, 0.7, 1)
     wide = seal.conductance_of(values, (1, 5000), isotropic=True)
     assert_allclose(wide.value, values.mean(), rtol=0.02)
-    rows = seal.drawn(values.ravel(), values.ravel(), (16, 1), draws=300)
+    rows = seal.drawn(values.ravel(), values.ravel(), (16, 1), sheet.conductance, draws=300)
     assert_allclose(np.mean(1.0 / rows), np.mean(1.0 / values), rtol=0.03)
 
 

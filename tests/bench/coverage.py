@@ -17,7 +17,7 @@ from unittest import mock
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from roughvol.campaign.one_case import surface_of
+from roughvol.campaign.case_surface import surface_of
 from roughvol.campaign.path import last_indentation
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from roughvol.campaign.one_case import one_thread
+from roughvol.campaign.case_surface import one_thread
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials
 from roughvol.contact.search import state_under

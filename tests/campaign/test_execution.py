@@ -19,8 +19,9 @@ import xarray as xr
 from numpy.testing import assert_array_equal
 
 from roughvol.campaign import batch, cost, workers
+from roughvol.campaign.case_surface import surface_of
 from roughvol.campaign.execution import collect, run
-from roughvol.campaign.one_case import run_case, surface_of
+from roughvol.campaign.one_case import run_case
 from roughvol.errors import CampaignError, DatasetError, FolderError, RoughvolError
 from roughvol.store import checkpoint
 from roughvol.store.run_folder import checkpoint_file

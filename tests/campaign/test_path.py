@@ -12,8 +12,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import roughvol
 from roughvol.campaign import cost, one_case
+from roughvol.campaign.case_surface import surface_of
 from roughvol.campaign.execution import run
-from roughvol.campaign.one_case import Context, run_case, surface_of
+from roughvol.campaign.one_case import Context, run_case
 from roughvol.cli import main
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep

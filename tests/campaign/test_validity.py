@@ -13,7 +13,8 @@ from click.testing import CliRunner
 from numpy.testing import assert_allclose, assert_array_equal
 
 from roughvol.campaign import execution, validity
-from roughvol.campaign.one_case import run_case, surface_of
+from roughvol.campaign.case_surface import surface_of
+from roughvol.campaign.one_case import run_case
 from roughvol.campaign.validity import LIMITS, Finding, Setting
 from roughvol.cli import main
 from roughvol.contact.halfspace import HalfSpace

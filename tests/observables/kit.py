@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from numpy.typing import ArrayLike
 
-from roughvol.campaign.one_case import surface_of
+from roughvol.campaign.case_surface import surface_of
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, sweep
 from roughvol.observables.reduction import Reduction

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from roughvol.campaign import execution
-from roughvol.campaign.one_case import one_thread
+from roughvol.campaign.case_surface import one_thread
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, Trials
 from roughvol.contact.search import state_under

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from roughvol.campaign.one_case import surface_of
+from roughvol.campaign.case_surface import surface_of
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
 from roughvol.errors import SurfaceError

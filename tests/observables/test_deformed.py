@@ -12,8 +12,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from roughvol.campaign import execution
+from roughvol.campaign.case_surface import surface_of
 from roughvol.campaign.cost import estimate
-from roughvol.campaign.one_case import run_case, surface_of
+from roughvol.campaign.one_case import run_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, solve
 from roughvol.errors import StudyError

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from roughvol.campaign.one_case import run_case, surface_of
+from roughvol.campaign.case_surface import surface_of
+from roughvol.campaign.one_case import run_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve
 from roughvol.errors import ContactError

@@ -10,7 +10,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 import roughvol
-from roughvol.campaign.one_case import run_case, surface_of
+from roughvol.campaign.case_surface import surface_of
+from roughvol.campaign.one_case import run_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials
 from roughvol.contact.search import state_under

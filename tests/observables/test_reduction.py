@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from roughvol.campaign.one_case import surface_of
+from roughvol.campaign.case_surface import surface_of
 from roughvol.contact.loading import Contact
 from roughvol.observables import levels, reduction
 from roughvol.study import Case, Level, loads

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from roughvol.campaign.one_case import run_case, surface_of
+from roughvol.campaign.case_surface import surface_of
+from roughvol.campaign.one_case import run_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, sweep
 from roughvol.observables import reduction, variables

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from roughvol.campaign import batch, one_case
+from roughvol.campaign import batch, case_surface
 from roughvol.campaign.one_case import Context, Stopped, run_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
@@ -77,7 +77,7 @@ def test_a_case_that_is_asked_to_stop_keeps_its_steps(case: Case, tmp_path: Path
 @pytest.mark.parametrize("kernel", ["love", "punch"])
 @pytest.mark.parametrize("kept", [1, 2])
 def test_states_carry_a_sweep_on(case: Case, kernel: str, kept: int) -> None:
-    surface, at = one_case.surface_of(case), np.linspace(0.1, 2.0, 8)
+    surface, at = case_surface.surface_of(case), np.linspace(0.1, 2.0, 8)
     whole = list(sweep(surface, HalfSpace(surface.shape, kernel=kernel), at))
     states = [contact.state() for contact in whole[:kept]]
     rest = list(sweep(surface, HalfSpace(surface.shape, kernel=kernel), at[kept:], resume=states))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from roughvol.campaign import interpretation, one_case
+from roughvol.campaign import case_surface, interpretation
 from roughvol.errors import StudyError
 from roughvol.study import Case, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
@@ -94,13 +94,13 @@ def test_lengths_and_heights_come_in_one_unit(
 ) -> None:
     case = _case(folder, surface)
     assert (case.L, case.length_unit) == (pytest.approx(L, rel=1e-12), unit)
-    np.testing.assert_allclose(one_case.surface_of(case).heights, scale * HEIGHTS, rtol=1e-12)
+    np.testing.assert_allclose(case_surface.surface_of(case).heights, scale * HEIGHTS, rtol=1e-12)
 
 
 def test_the_second_body_takes_the_unit_of_the_first_unless_it_has_its_own(folder: Path) -> None:
     for keys, scale in (("", 1e-3), (", heights_unit: um", 1.0)):
         case = _case(folder, f"file: bare.npy, L: 7 um, heights_unit: nm, against: {{file: bare.npy{keys}}}")
-        np.testing.assert_allclose(one_case.surface_of(case).heights, (1e-3 + scale) * HEIGHTS, rtol=1e-12)
+        np.testing.assert_allclose(case_surface.surface_of(case).heights, (1e-3 + scale) * HEIGHTS, rtol=1e-12)
 
 
 def test_what_changes_the_heights_changes_the_id(folder: Path) -> None:
@@ -160,7 +160,7 @@ def test_a_number_names_a_channel(folder: Path) -> None:
     np.savez(folder / "two.npz", a=HEIGHTS, b=2.0 * HEIGHTS)
     cases = [_case(folder, f"file: two.npz, L: 1, variable: {name}") for name in ("1", "'1'", "b")]
     assert [case.bodies[0].variable for case in cases] == ["1", "1", "b"]
-    assert all(np.array_equal(one_case.surface_of(case).heights, 2.0 * HEIGHTS) for case in cases)
+    assert all(np.array_equal(case_surface.surface_of(case).heights, 2.0 * HEIGHTS) for case in cases)
 
 
 # What the user should look at
@@ -181,14 +181,14 @@ def test_a_number_names_a_channel(folder: Path) -> None:
 )
 def test_an_absurd_size_is_noted(folder: Path, surface: str, said: str) -> None:
     case = _case(folder, surface)
-    notes = interpretation.notes(case, one_case.surface_of(case))
+    notes = interpretation.notes(case, case_surface.surface_of(case))
     assert [note for note in notes if re.search(said, note)]
 
 
 def test_a_sound_scan_draws_no_note(folder: Path) -> None:
     for surface in ("file: full.txt", "file: points.xyz, unit: um", "file: bare.npy, L: 7"):
         case = _case(folder, surface)
-        assert interpretation.notes(case, one_case.surface_of(case)) == ()
+        assert interpretation.notes(case, case_surface.surface_of(case)) == ()
 
 
 def test_what_a_file_contradicts_is_placed_in_the_study(tmp_path: Path) -> None:

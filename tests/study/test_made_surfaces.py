@@ -16,7 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from roughvol.campaign import checks, cost
-from roughvol.campaign.one_case import run_case, surface_of
+from roughvol.campaign.case_surface import surface_of
+from roughvol.campaign.one_case import run_case
 from roughvol.cli import main
 from roughvol.contact.kernels import KERNELS
 from roughvol.errors import StudyError

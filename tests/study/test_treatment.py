@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from roughvol.campaign import one_case
+from roughvol.campaign import case_surface, one_case
 from roughvol.errors import StudyError, SurfaceError
 from roughvol.store import dataset
 from roughvol.study import Case, loads
@@ -44,7 +44,7 @@ def _case(folder: Path, keys: str, rest: str = "", L: str = "40 um") -> Case:
 
 
 def _surface(folder: Path, keys: str, L: str = "40 um") -> Surface:
-    return one_case.surface_of(_case(folder, keys, L=L))
+    return case_surface.surface_of(_case(folder, keys, L=L))
 
 
 def _refused(folder: Path, keys: str, L: str = "40 um") -> tuple[str | None, str]:
@@ -67,7 +67,7 @@ def _refused(folder: Path, keys: str, L: str = "40 um") -> tuple[str | None, str
 )
 def test_a_crop_by_shares_or_by_lengths_keeps_the_nodes_inside(folder: Path, crop: str) -> None:
     case = _case(folder, f"file: map.npy, crop: {crop}")
-    surface = one_case.surface_of(case)
+    surface = case_surface.surface_of(case)
     assert np.array_equal(surface.heights, MAP[10:31, 18:])
     assert (case.L, surface.side, surface.spacing) == (20.0, 20.0, 1.0)
     assert case.treatment.crop == ((10, 30), (18, 36))
@@ -146,7 +146,7 @@ def test_a_length_without_a_unit_of_the_study_is_refused(folder: Path) -> None:
 
 def test_block_means_and_what_fills_no_block(folder: Path) -> None:
     case = _case(folder, "file: map.npy, downsample: 4")
-    surface = one_case.surface_of(case)
+    surface = case_surface.surface_of(case)
     assert np.array_equal(surface.heights, treatment.block_means(MAP, 4))
     assert (surface.shape, surface.spacing, case.L) == ((10, 9), 4.0, 36.0)
     assert case.surface_text == "cropped to nodes 0 to 39 along x and 0 to 35 along y; means of 4 x 4 nodes taken"

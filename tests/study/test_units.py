@@ -6,7 +6,7 @@ import pint
 import pytest
 
 from roughvol.study import read
-from roughvol.study.values.units import KINDS, unit_of
+from roughvol.study.values.units import FACTORS, KINDS, convert, unit_of
 
 REGISTRY = pint.UnitRegistry()
 NAMED = [(kind, unit) for kind, (_, words) in KINDS.items() for unit in words.removesuffix(" and the like").split(", ")]
@@ -17,3 +17,10 @@ def test_a_named_unit_is_of_its_kind(kind: str, unit: str) -> None:
     assert unit_of(read(f"2 {unit}", kind)) == unit
     if unit != "sccm":  # defined by this package
         assert REGISTRY.parse_units(unit).dimensionality == REGISTRY.get_dimensionality(KINDS[kind][0])
+
+
+@pytest.mark.parametrize("wanted", FACTORS)
+def test_factors_without_pint_are_those_of_pint_bit_for_bit(wanted: str) -> None:
+    for given in FACTORS[wanted]:
+        for value in (1.0, 0.1, 5.0, 293.15, 1e-7 / 3.0):
+            assert convert(value, given, wanted) == REGISTRY.Quantity(value, given).to(wanted).magnitude

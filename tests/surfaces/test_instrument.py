@@ -13,7 +13,7 @@ import pytest
 import scipy.io
 from height_files import HEIGHTS, HOLED, HOLES, PIXEL, SDF, case_of, library, nms, put, refused, rows, same
 
-from roughvol.campaign import one_case
+from roughvol.campaign import case_surface
 from roughvol.errors import RoughvolError, StudyError
 from roughvol.surfaces import length_units, treatment
 from roughvol.surfaces.files import instrument, reading
@@ -93,7 +93,7 @@ def test_pixels_that_are_not_square_are_refused_unless_they_are_resampled(tmp_pa
     file = "file: oblong.x3p, unit: um"
     _refused(tmp_path, file, r"surface\.resample: missing: .*x3p has pixels of 0\.5 by .* um.*give resample: square")
     case = case_of(tmp_path, f"{file}, resample: square")
-    surface = one_case.surface_of(case)
+    surface = case_surface.surface_of(case)
     assert surface.spacing == pytest.approx(PIXEL * min(1.0, off), rel=1e-12)
     assert surface.side == pytest.approx(case.L, rel=1e-15)
     assert np.abs(surface.heights - treatment.squared(HEIGHTS, off)).max() < 1e-8
@@ -103,7 +103,7 @@ def test_pixels_that_are_not_square_are_refused_unless_they_are_resampled(tmp_pa
 
 def test_pixels_nearly_square_are_square_and_too_oblong_ones_are_refused_whatever_is_asked(tmp_path: Path) -> None:
     library(tmp_path / "nearly.x3p", pixel=(PIXEL, 1.00005 * PIXEL))
-    assert one_case.surface_of(case_of(tmp_path, "file: nearly.x3p")).shape == (6, 5)
+    assert case_surface.surface_of(case_of(tmp_path, "file: nearly.x3p")).shape == (6, 5)
     library(tmp_path / "oblong.x3p", pixel=(PIXEL, 3 * PIXEL))
     for keys in ("", ", resample: square"):
         _refused(tmp_path, f"file: oblong.x3p{keys}", r"surface\.resample: .*allowed: one side up to 2 times the other")
@@ -113,7 +113,7 @@ def test_a_crop_in_lengths_counts_oblong_pixels(tmp_path: Path) -> None:
     library(tmp_path / "oblong.x3p", np.random.default_rng(0).normal(size=(21, 21)), pixel=(0.25, 0.5))
     case = case_of(tmp_path, "file: oblong.x3p, crop: {x: [1 um, 3 um], y: [1 um, 3 um]}, resample: square")
     assert case.treatment.crop == ((4, 12), (2, 6))
-    assert one_case.surface_of(case).shape == (9, 9)
+    assert case_surface.surface_of(case).shape == (9, 9)
     assert pytest.approx(2e-6, rel=1e-12) == case.L
 
 
@@ -222,7 +222,7 @@ def test_the_size_in_nms_has_no_unit_and_is_that_of_the_study(tmp_path: Path) ->
             tmp_path, f"file: scan.nms{more}, resample: square", r"surface\.L: missing: .* are 312\.5 by .*unknown unit"
         )
     case = case_of(tmp_path, "file: scan.nms, L: 1.5625 um, resample: square")
-    surface = one_case.surface_of(case)
+    surface = case_surface.surface_of(case)
     assert surface.spacing == pytest.approx(0.25, rel=1e-12)
     assert (surface.shape, case.notes) == ((7, 5), ())
     _refused(tmp_path, "file: scan.nms, L: 1.5625 um", r"resample: missing: .*pixels of 0\.3125 by 0\.25 um")

@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 from numpy.typing import NDArray
 
-from roughvol.campaign import one_case
+from roughvol.campaign import case_surface, one_case
 from roughvol.errors import SurfaceError
 from roughvol.store import dataset
 from roughvol.study import Case, loads
@@ -39,11 +39,11 @@ def _case(folder: Path, surface: str, rest: str = "") -> Case:
 
 
 def _heights(folder: Path, surface: str) -> NDArray[np.float64]:
-    return one_case.surface_of(_case(folder, surface)).heights
+    return case_surface.surface_of(_case(folder, surface)).heights
 
 
 def test_an_untreated_file_is_pressed_bit_for_bit(folder: Path) -> None:
-    surface = one_case.surface_of(_case(folder, "file: a.npy"))
+    surface = case_surface.surface_of(_case(folder, "file: a.npy"))
     assert np.array_equal(surface.heights, FIRST)
     assert (surface.spacing, surface.filled) == (0.25, 0)
 
@@ -65,7 +65,7 @@ def test_two_bodies_may_change_places(folder: Path, extra: str) -> None:
 
 def test_holes_of_both_bodies_are_counted_once(folder: Path) -> None:
     text = "file: holed.npy, missing: nearest, against: {file: holed.npy, mirror: x}"
-    surface = one_case.surface_of(_case(folder, text))
+    surface = case_surface.surface_of(_case(folder, text))
     assert surface.filled == pickle.loads(pickle.dumps(surface)).filled == (HOLES | HOLES[::-1]).sum()
 
 
@@ -83,14 +83,14 @@ def test_holes_of_both_bodies_are_counted_once(folder: Path) -> None:
 )
 def test_what_cannot_be_pressed_is_refused_by_name(folder: Path, surface: str, said: str) -> None:
     with pytest.raises(SurfaceError, match=said):
-        one_case.surface_of(_case(folder, surface))
+        case_surface.surface_of(_case(folder, surface))
 
 
 def test_a_file_that_changes_after_the_study_was_loaded_is_refused(folder: Path) -> None:
     case = _case(folder, "file: a.npy, against: {file: b.npy}")
     np.save(folder / "b.npy", 2.0 * SECOND)
     with pytest.raises(SurfaceError, match=r"b\.npy has changed since the study was loaded"):
-        one_case.surface_of(case)
+        case_surface.surface_of(case)
 
 
 # Pressed

@@ -1,7 +1,7 @@
 """Numbers with a unit, as ``100 um`` or ``1 mPa*s``: reading, check of the dimension, conversion.
 
-pint is imported here only, at the first unit. Lengths have the names of `roughvol.surfaces.length_units`: stored
-lengths are labelled with the one unit of the study.
+pint is imported here only, at the first unit that is neither in `KINDS` nor in `FACTORS`. Lengths have the names of
+`roughvol.surfaces.length_units`: stored lengths are labelled with the one unit of the study.
 """
 
 from __future__ import annotations
@@ -42,6 +42,20 @@ EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s", "
     "molar mass": "29 g/mol",
     "time": "10 s",
     "conductivity": "50 W/m/K",
+}
+# Factors of pint, bit for bit (a test compares them). pint takes as long as the rest of `roughvol status`.
+FACTORS: dict[str, dict[str, float]] = {
+    "Pa": {"kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5, "mbar": 1e2},
+    "kPa": {"Pa": 1e-3, "MPa": 1e3, "GPa": 1e6},
+    "MPa": {"Pa": 1e-6, "kPa": 1e-3, "GPa": 1e3, "bar": 0.09999999999999999, "mbar": 9.999999999999999e-05},
+    "GPa": {"Pa": 1e-9, "kPa": 1.0000000000000002e-06, "MPa": 1e-3},
+    "Pa*s": {"mPa*s": 1e-3, "cP": 1e-3},
+    "m": {"nm": 1e-9, "um": 1e-6, "mm": 1e-3},
+    "mm": {"nm": 1.0000000000000002e-06, "um": 1e-3, "m": 1e3},
+    "um": {"nm": 1e-3, "mm": 1e3, "m": 1e6},
+    "mm^3/s": {"m^3/s": 999999999.9999999},
+    "N": {"kN": 1e3, "mN": 1e-3},
+    "s": {"min": 60.0, "h": 3600.0, "day": 86400.0, "year": 31557600.0},
 }
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?![eE][-+]?\d)(\D.*)", re.ASCII | re.DOTALL)
 # Words, small powers, products and quotients. Other arithmetic of pint is refused.
@@ -106,6 +120,8 @@ def convert(value: float, given: str, wanted: str) -> float:
     """
     if given == wanted:
         return value
+    if (factor := FACTORS.get(wanted, {}).get(given)) is not None:
+        return value * factor
     registry = _registry()
     return float(registry.Quantity(value, _spelled(given)).to(_spelled(wanted)).magnitude)
 
@@ -168,8 +184,7 @@ def is_known(unit: str) -> bool:
     """Return whether a text is a unit that a study may name; of length, one of those of stored lengths."""
     if not unit or named(unit) or any(unit in _listed(kind) for kind in KINDS):
         return True
-    measured = _dimension(unit)
-    return measured is not None and measured != _registry().get_dimensionality("[length]")
+    return _dimension(unit) not in (None, "[length]")
 
 
 def length_unit(text: Any) -> str | None:
@@ -282,14 +297,12 @@ def _checked(unit: str, kind: str) -> str:
     if kind == "length" and (name := named(unit)):
         return name
     dimension, allowed = KINDS[kind]
-    if kind != "length" and unit in _listed(kind):
-        return unit  # without pint, whose registry takes a quarter of a second
-    measured = _dimension(unit)
-    if measured is None:
+    found = _dimension(unit)
+    if found is None:
         refuse(f"'{printable(unit)[:40]}' is no known unit; allowed for a {kind}: {allowed}")
-    if measured != _registry().get_dimensionality(dimension):
-        other = next((name for name, (of, _) in KINDS.items() if _registry().get_dimensionality(of) == measured), None)
-        refuse(f"'{unit}' is a unit of {other or 'another quantity'}, not of {kind}; allowed: {allowed}")
+    if found != dimension:
+        other = next((name for name, (of, _) in KINDS.items() if of == found), "another quantity")
+        refuse(f"'{unit}' is a unit of {other}, not of {kind}; allowed: {allowed}")
     if kind == "length":
         refuse(f"'{unit}' is no unit of length of a study; allowed: {allowed}")
     return unit
@@ -300,14 +313,18 @@ def _listed(kind: str) -> list[str]:
     return KINDS[kind][1].removesuffix(" and the like").split(", ")
 
 
-def _dimension(unit: str) -> Any:
-    """Return the dimension of a unit, None for an unknown one."""
+def _dimension(unit: str) -> str | None:
+    """Return the dimension of a unit as in `KINDS`, empty for other dimensions; None for an unknown unit."""
+    for kind, (dimension, _) in KINDS.items():
+        if unit in _listed(kind):
+            return dimension
     import pint
 
     if not _UNIT.fullmatch(unit):
         return None
     try:
-        return _registry().parse_units(_spelled(unit)).dimensionality
+        measured, of = _registry().parse_units(_spelled(unit)).dimensionality, _registry().get_dimensionality
+        return next((dimension for dimension, _ in KINDS.values() if of(dimension) == measured), "")
     except (pint.PintError, *_NOT_KNOWN):
         return None
 

@@ -1,0 +1,68 @@
+"""The surface of a case, generated or read, without the solver."""
+
+from __future__ import annotations
+
+import functools
+import sys
+from contextlib import AbstractContextManager
+from dataclasses import replace
+
+from threadpoolctl import ThreadpoolController
+
+from roughvol.study import Case
+from roughvol.surfaces import measured
+from roughvol.surfaces.midpoint import random_midpoint_displacement
+from roughvol.surfaces.surface import Surface
+from roughvol.surfaces.waves import power_law_surface
+
+
+def surface_of(case: Case) -> Surface:
+    """Return the surface of a case, generated or read from its files.
+
+    Parameters
+    ----------
+    case : Case
+        Its D, m, seed and law or spectrum, or its files.
+
+    Returns
+    -------
+    Surface
+        The undeformed surface.
+
+    Raises
+    ------
+    SurfaceError, DatasetError
+        If it cannot be made or read.
+    """
+    if case.file is not None:
+        with one_thread():  # levelling sums over all nodes
+            return measured.surface(case.bodies, case.treatment, case.L, case.length_unit, sides=case.sides)
+    assert case.D is not None
+    assert case.m is not None
+    assert case.seed is not None
+    if case.spectrum is not None:
+        with one_thread():
+            made = power_law_surface(case.spectrum, 3.0 - case.D, 2**case.m, side=case.L, seed=case.seed)
+    else:
+        assert case.midpoint_law is not None
+        made = random_midpoint_displacement(
+            case.D, case.m, side=case.L, seed=case.seed, law=case.midpoint_law, periodic=case.periodic
+        )
+    return made if made.sides == case.sides else replace(made, sides=case.sides)
+
+
+@functools.lru_cache(maxsize=1)
+def _libraries(modules: int) -> ThreadpoolController:
+    """Return the control of the threads of all libraries. The search takes 2 ms, once for a number of modules."""
+    return ThreadpoolController()
+
+
+def one_thread() -> AbstractContextManager[object]:
+    """Return a context in which the libraries of linear algebra use one thread.
+
+    Returns
+    -------
+    context manager
+        It restores the number of threads.
+    """
+    return _libraries(len(sys.modules)).limit(limits=1)
