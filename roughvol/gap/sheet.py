@@ -75,16 +75,6 @@ def closing(along: Array, across: Array, *, ring: bool = False) -> float:
     return constriction(_lattice(along, across, ring=ring), 0, periodic=ring).gap
 
 
-def parallel_and_series(along: Array) -> tuple[float, float]:
-    """Return the bounds of Cardwell and Parsons (Trans. AIME 160 (1945) 34) of the conductance of a sheet.
-
-    The lower one has no flow between columns: the arithmetic mean of the harmonic means of the columns. The upper one
-    has one pressure in each line: the harmonic mean of the arithmetic means of the lines.
-    """
-    with np.errstate(divide="ignore"):
-        return float(np.mean(1.0 / np.mean(1.0 / along, axis=0))), float(1.0 / np.mean(1.0 / np.mean(along, axis=1)))
-
-
 def _lattice(along: Array, across: Array, *, ring: bool) -> Array:
     """Return joints as elements of a field: along at (even, even), across at (odd, odd), open nodes between them."""
     n, m = along.shape

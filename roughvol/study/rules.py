@@ -34,9 +34,6 @@ PERIODIC_LEAST_M = 3  # smallest m of a periodic midpoint surface
 SEVERAL_ARRAYS = (".npz", ".nc", ".tif", ".tiff", ".dat")  # formats of files with several arrays
 LISTS_OF_NUMBERS = ("D", "H", "m", "n", "seeds")  # of a surface
 
-
-IN_LENGTHS = [name for name in Dimensional.model_fields if name != "pressure"]  # have a unit that holds a length
-_ELASTIC = "needs elastic contact: material.plastic is true and a hardness given"
 _FLUID = "needs the section fluid, as fluid: {gas: helium, inlet: 1 bar, outlet: 0 bar}"
 _PERIOD = "changes or cuts the period of a periodic surface: treat the file beforehand, or omit it"
 _LENGTH = "needs the unit of length, as surface: {L: 100 um}"
@@ -48,7 +45,8 @@ NEEDS = (  # key, the key or property it needs, message
     ("record.dimensional.pressure", "material.unit", "needs the modulus with its unit, as material: {E_star: 100 GPa}"),
     *(
         (f"record.dimensional.{name}", "surface.has_length", _LENGTH)
-        for name in Dimensional.model_fields.keys() - {"pressure"}
+        for name in Dimensional.model_fields
+        if name != "pressure"
     ),
     ("record.dimensional.leak_rate", "record.transport.transmissivity", "needs record.transport.transmissivity"),
     ("record.dimensional.critical_gap", "record.transport.constriction", "needs record.transport.constriction"),

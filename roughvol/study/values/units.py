@@ -193,11 +193,6 @@ def length_unit(text: Any) -> str | None:
     return None if match is None else named(match[2])
 
 
-def has_unit(text: Any) -> bool:
-    """Return whether the text of a value is a number followed by text."""
-    return isinstance(text, str) and _NUMBER.fullmatch(text.strip()) is not None
-
-
 def read(text: str, kind: str) -> float:
     """Return a number of a command line, with its unit or plain.
 
