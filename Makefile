@@ -14,7 +14,7 @@ LITERATURE := wave_love wave_fourier wave_punch two_codes area load closing stif
               mirco_sup2 mirco_supN6 mirco_sup5 mirco_sup7 challenge
 
 .DEFAULT_GOAL := setup
-.PHONY: help setup reproduce seal literature test bench bench-peers validation windows tradeoff intervals extremes reference public crossing docs coverage test-slow lint smoke clean
+.PHONY: help setup reproduce seal literature test bench bench-peers validation windows tradeoff intervals extremes pages reference public crossing docs coverage test-slow lint smoke clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
@@ -59,11 +59,11 @@ bench: setup  ## compare the solver's counts with tests/bench/baseline.json; pri
 	@$(BIN)/python -m tests.bench.solver --m 4 5 6 7 8 9 10 --rtol 1e-3 1e-6 --compare
 	@$(BIN)/python -m tests.bench.solver --kernel love fourier --m 6 8 --rtol 1e-6 --compare --out runs/bench/periodic
 
-# One of these codes is AGPL. They are installed here and imported nowhere else.
+# One of these codes is AGPL. They are installed here and imported nowhere else. m = 8 takes more than a quarter of an hour.
 bench-peers: setup  ## compare with other contact codes, installed for this
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,peers]'
-	@$(BIN)/python -m tests.bench.peers
-	@$(BIN)/python -m tests.bench.peers --periodic --m 8 10
+	@$(BIN)/python -m tests.bench.peers --m 6 7
+	@$(BIN)/python -m tests.bench.peers --periodic --m 7
 
 validation: setup  ## print errors against closed forms, by resolution
 	@$(BIN)/python -m tests.bench.validation
@@ -83,6 +83,10 @@ intervals: setup  ## measure how often the intervals of a leak card hold
 
 extremes: setup  ## press the extremes of every input, to docs/explanation/notes/extremes.md
 	@$(BIN)/python -m tests.extremes
+
+# Hours of one core if all are old. COMMANDS='"make bench"' runs one of them.
+pages: setup  ## run the commands of measured tables of an older minor version, and put their tables in place
+	@$(BIN)/python -m tests.bench.tables $(COMMANDS)
 
 reference: setup  ## write docs/reference/keys-and-variables.md: all keys of a study and all stored variables
 	@$(BIN)/python docs/keys_and_variables.py

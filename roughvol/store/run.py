@@ -231,6 +231,8 @@ def _is_map(path: Path) -> bool:
 def _beside_heights(text: str, folder: Path) -> Path:
     """Return the path that a stored study is read from: in the folder of its run if its height files are there."""
     name = f"{folder.name}.yaml"
+    if "file" not in text:  # the key of heights: a study of ten thousand seeds is not read twice
+        return Path(name)
     try:
         surface = loads(text, name, stored=True).surface
     except StudyError:

@@ -106,7 +106,7 @@ def outdated(folder: Path, cases: Mapping[str, Case]) -> dict[str, str]:
 
 def labels_for(case: Case) -> stamped_file.Labels:
     """Return the labels that the file of a case must have."""
-    return stamped_file.labels_of({"case_id": case.id, "case": case.key_text})
+    return stamped_file.identity_of(case.id, case.key_text)
 
 
 def _other_format(labels: stamped_file.Labels, expected: stamped_file.Labels) -> str | None:

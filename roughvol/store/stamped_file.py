@@ -139,12 +139,17 @@ def labels_of(attributes: Mapping[str, str]) -> Labels:
     """
     text = attributes.get("case", "")
     own = {"states": states_of(json.loads(text))} if text else {"study": digest_of(attributes.get("study", ""))}
-    return own | {
+    version = {"version": attributes.get("roughvol_version", __version__)}
+    return own | version | identity_of(attributes.get("case_id", ""), text)
+
+
+def identity_of(id: str, text: str) -> Labels:
+    """Return the labels by which a file is that of a case: formats of file and answer, id and hash of its key."""
+    return {
         "format": FORMAT,
         "format_of_answers": str(json.loads(text).get("format", "")) if text else "",
-        "version": attributes.get("roughvol_version", __version__),
-        "case": attributes.get("case_id", ""),
-        "key": hashlib.sha256(text.encode()).hexdigest() if text else "",
+        "case": id,
+        "key": digest_of(text) if text else "",
     }
 
 

@@ -6,7 +6,7 @@ import functools
 import hashlib
 import json
 import re
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -74,14 +74,24 @@ class Case:
         surface["treatment"] = self.treatment.key
         # Heights with a unit of their own are converted to that of the study.
         surface["unit"] = self.length_unit if any(body.numbers_in for body in self.bodies) else None
+        return {"format": ANSWER_FORMAT, "surface": surface, **self._beside_surface}
+
+    @functools.cached_property
+    def _beside_surface(self) -> dict[str, Any]:
+        """The parts of the key that do not belong to the surface."""
         record = self.record.model_dump(mode="json", exclude={"dimensional"})
         if self.record.own:
             record["own"] = {name: [own.target, own.version] for name, own in self.record.own.items()}
         else:  # absent, so that cases without such quantities keep their ids
             record.pop("own")
         record["all_legs"] = self.record.all_legs and len(self.sweep.legs) > 1
-        pressed = self._pressed if self.sweep.steps > 0 else None
-        return {"format": ANSWER_FORMAT, "surface": surface, "record": record, "pressed": pressed}
+        return {"record": record, "pressed": self._pressed if self.sweep.steps > 0 else None}
+
+    def of_seed(self, D: float, m: int, seed: int) -> Case:
+        """Return the case of another surface of the same study; both share the rest of the key, for speed."""
+        case = replace(self, D=D, m=m, seed=seed)
+        vars(case)["_beside_surface"] = self._beside_surface
+        return case
 
     @property
     def _pressed(self) -> dict[str, Any]:

@@ -6,7 +6,6 @@ import contextlib
 import functools
 import itertools
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -134,7 +133,7 @@ class Study(StudyFile):
             if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
                 levels, seeds = ensembles.levels_below(surfaces.first_finest(surface)), (self.ensemble.first_seed,)
             product = itertools.product(surface.dimensions, levels, seeds)
-            return tuple(replace(made, D=D, m=m, seed=seed) for D, m, seed in product)
+            return tuple(made.of_seed(D, m, seed) for D, m, seed in product)
         found: list[Case] = []
         for one in surface.each:
             with self.placing():
@@ -191,7 +190,7 @@ class Study(StudyFile):
 
     def sample(self, D: float, m: int, seed: int) -> Case:
         """Return the case of one surface of an ensemble."""
-        return replace(self._first, D=D, m=m, seed=seed)
+        return self._first.of_seed(D, m, seed)
 
     def changed(self, **keys: Any) -> Study:
         """Return this study with other values of keys.

@@ -1,10 +1,7 @@
-"""What a case costs on disk in other layouts, and what a folder of many cases takes (store-decision.md).
-
-    python -m tests.bench.store                    # the table of layouts, 500 cases
-    python -m tests.bench.store --folder 10000     # `status`, `collect`, and `run` that finds all finished
+"""What a case costs on disk in other layouts (store-decision.md): `python -m tests.bench.store`.
 
 One case of m = 3 with 4 steps is computed. The others are copies of it with their own D, seed and stamp. Times are per
-case; those of a folder are processor time beside the clock. They depend on the disk and on the load.
+case. They depend on the disk and on the load.
 """
 
 from __future__ import annotations
@@ -23,9 +20,8 @@ import numpy as np
 from xarray import Dataset
 from xarray.backends import NetCDF4DataStore
 
-from roughvol.campaign import execution, one_case
-from roughvol.store import dataset, run_status, stamped_file
-from roughvol.store.run_folder import case_file
+from roughvol.campaign import one_case
+from roughvol.store import dataset, stamped_file
 from roughvol.study import Study, loads
 
 STUDY = "name: scale\nsurface: {{D: [2.2, 2.4, 2.6, 2.8], m: 3, seeds: {seeds}}}\nsweep: {{steps: 4}}\n"
@@ -141,37 +137,11 @@ def layouts(count: int) -> None:
         print(f"| {layout} | {round(row['bytes'], -2):.0f} | {made} | {times} |")
 
 
-def folder_of_many(count: int) -> None:
-    """Print what a folder of finished cases takes."""
-    study = loads(STUDY.format(seeds=count // 4))
-    with tempfile.TemporaryDirectory(dir=".") as name:
-        out = Path(name)
-        (out / "cases").mkdir()
-        size = 0
-        for part in parts(study):
-            content = dataset.to_bytes(part)
-            case_file(out, part.attrs["case_id"]).write_bytes(content)
-            size += len(content)
-        print(f"| {count} cases | processor | by the clock |\n|---|---|---|")
-        print(f"| files, GB | {size / 1e9:.3f} | |")
-        actions = {"collect": execution.collect, "run, all finished": execution.run, "status": run_status.status}
-        for words, action in actions.items():
-            began = time.process_time(), time.perf_counter()
-            action(study, out=out)
-            spent = time.process_time() - began[0], time.perf_counter() - began[1]
-            print(f"| {words} | {spent[0]:.1f} s | {spent[1]:.1f} s |", flush=True)
-
-
 def main() -> None:
-    """Print one of the two tables."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cases", type=int, default=500, help="cases of the table of layouts, a multiple of 4")
-    parser.add_argument("--folder", type=int, default=0, help="cases of a folder, a multiple of 4")
-    given = parser.parse_args()
-    if given.folder:
-        folder_of_many(given.folder)
-    else:
-        layouts(given.cases)
+    parser.add_argument("--cases", type=int, default=500, help="a multiple of 4")
+    layouts(parser.parse_args().cases)
 
 
 if __name__ == "__main__":

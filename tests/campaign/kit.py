@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import socket
 import subprocess
 import sys
 import time
@@ -41,6 +43,23 @@ def files_of(folder: Path) -> dict[str, int]:
     return {path.name: path.stat().st_mtime_ns for path in (folder / "cases").glob("*.nc")}
 
 
+def bits_of(folder: Path) -> dict[str, dict[str, Any]]:
+    """Return dimensions, type and bytes of all numbers of the finished cases by file, without times."""
+    return {
+        path.name: {
+            name: (
+                dims,
+                values.dtype.str,
+                values.shape,
+                values.tobytes() if values.dtype != object else values.tolist(),
+            )
+            for name, (dims, values) in dataset.read_arrays(path)[0].items()
+            if name not in dataset.TIMES
+        }
+        for path in (folder / "cases").glob("*.nc")
+    }
+
+
 def noise(seed: int, *shape: int) -> np.ndarray:
     """Return independent normal heights."""
     return np.random.default_rng(seed).normal(size=shape)
@@ -73,7 +92,8 @@ class Events(list[Progress]):
 def command(folder: Path, text: str, *arguments: str, before: str = "") -> subprocess.Popen[str]:
     """Start ``roughvol run`` of a study in a process group of its own, with the results in ``folder/out``."""
     (folder / "study.yaml").write_text(text)
-    code = f"{before}\nfrom roughvol.cli import main\nmain()"
+    heard = "import signal\nsignal.signal(signal.SIGHUP, signal.SIG_DFL)"  # also where the tests run with nohup
+    code = f"{heard}\n{before}\nfrom roughvol.cli import main\nmain()"
     call = [sys.executable, "-c", code, "run", "study.yaml", "--out", "out", *arguments]
     return subprocess.Popen(call, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
 
@@ -95,3 +115,49 @@ def at_work(folder: Path, process: subprocess.Popen[str], number: int = 1) -> li
 def problems_of(error: Any, key: str, words: str) -> list[Any]:
     """Return the problems of a refused study at a key with certain words."""
     return [one for one in error.problems if (one.key or "").startswith(key) and words in one.message]
+
+
+class Dask:
+    """A scheduler and workers, each a process of this machine."""
+
+    def __init__(self, folder: Path) -> None:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            port = probe.getsockname()[1]
+        self.address, self.folder = f"tcp://127.0.0.1:{port}", folder
+        self.processes: list[subprocess.Popen[bytes]] = []
+        self.start("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
+
+    def start(self, *arguments: str) -> subprocess.Popen[bytes]:
+        """Start a scheduler or a worker."""
+        paths = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
+        environment = os.environ | {
+            "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1",
+            "DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "2s",
+            "PYTHONPATH": os.pathsep.join(paths),  # for the tasks of this file
+        }
+        call = [sys.executable, "-m", f"distributed.cli.dask_{arguments[0]}", *arguments[1:]]
+        log = subprocess.DEVNULL
+        self.processes.append(subprocess.Popen(call, cwd=self.folder, env=environment, stdout=log, stderr=log))
+        return self.processes[-1]
+
+    def worker(self, *more: str) -> subprocess.Popen[bytes]:
+        """Start a worker; with ``--no-nanny`` it dies for good."""
+        return self.start("worker", self.address, "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1", *more)
+
+    def end(self, processes: list[subprocess.Popen[bytes]]) -> None:
+        """End processes."""
+        for process in processes:
+            process.kill()
+            process.wait()
+
+    def close(self) -> None:
+        """End all processes."""
+        self.end(self.processes)
+
+    def names(self) -> list[str]:
+        """Return the addresses of the workers that the scheduler knows."""
+        from distributed import Client
+
+        with Client(self.address, set_as_default=False) as client:
+            return list(client.scheduler_info(n_workers=-1)["workers"])

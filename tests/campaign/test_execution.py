@@ -7,8 +7,6 @@ import os
 import random
 import shutil
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -27,6 +25,7 @@ from roughvol.store import checkpoint
 from roughvol.store.run_folder import checkpoint_file
 from roughvol.store.run_status import status
 from roughvol.study import Study, loads
+from tests.bench import scale
 from tests.campaign.kit import Events, at_work, command, files_of, noise, values_of
 
 # The client of Dask leaves its loop's sockets to the garbage collector.
@@ -433,18 +432,11 @@ def test_a_run_survives_twenty_kills_of_any_of_its_processes(tmp_path: Path) -> 
 
 @pytest.mark.slow
 def test_ten_thousand_cases(tmp_path: Path) -> None:
-    text = "name: scale\nsurface: {D: [2.2, 2.4, 2.6, 2.8], m: 3, seeds: 2500}\nsweep: {steps: 4}\n"
-    (tmp_path / "scale.yaml").write_text(text)
-    study, out = loads(text), tmp_path / "out"
-    run(study, out=out)
-    started = time.monotonic()
-    assert collect(study, out).sizes["seed"] == 2500
-    assert time.monotonic() - started < 60.0
-    call = [sys.executable, "-c", "from roughvol.cli import main; main()", "status", "out"]
-    times = []
-    for _ in range(5):  # the best of five
-        started = time.monotonic()
-        shown = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=True)
-        assert "10000 of 10000 cases finished" in shown.stdout
-        times.append(time.monotonic() - started)
-    assert min(times) < 2.0
+    folder = tmp_path / "work"
+    folder.mkdir()
+    (folder / "scale.yaml").write_text(scale.STUDY.format(seeds=2500))
+    scale.measured(scale.RUN, folder)
+    for call, seconds in ((scale.STATUS, 2.0), (scale.LS, 2.0), (scale.COLLECT, 60.0)):
+        assert min(scale.measured(call, folder)[0] for _ in range(3)) < seconds  # of the processor
+    scale.measured(scale.STATUS, folder)
+    assert "10000 of 10000 cases finished" in (tmp_path / "output.txt").read_text()

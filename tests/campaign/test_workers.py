@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-import socket
+import signal
 import subprocess
 import sys
 import time
@@ -20,7 +20,7 @@ from roughvol.errors import CampaignError
 from roughvol.store import run_status
 from roughvol.study import loads
 from tests.campaign import tasks
-from tests.campaign.kit import Events, values_of
+from tests.campaign.kit import Dask, Events, bits_of, values_of
 
 # The client of Dask leaves its loop's sockets to the garbage collector.
 pytestmark = [
@@ -118,49 +118,11 @@ def test_a_plain_script_does_not_start_itself_again(tmp_path: Path) -> None:
 # A cluster
 
 
-class Dask:
-    """A scheduler and workers, each a process of this machine."""
-
-    def __init__(self, folder: Path) -> None:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
-        self.address, self.folder = f"tcp://127.0.0.1:{port}", folder
-        self.processes: list[subprocess.Popen[bytes]] = []
-        self.start("scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard")
-
-    def start(self, *arguments: str) -> subprocess.Popen[bytes]:
-        """Start a scheduler or a worker."""
-        paths = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
-        environment = os.environ | {
-            "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1",
-            "DASK_DISTRIBUTED__DEPLOY__LOST_WORKER_TIMEOUT": "2s",
-            "PYTHONPATH": os.pathsep.join(paths),  # for the tasks of this file
-        }
-        call = [sys.executable, "-m", f"distributed.cli.dask_{arguments[0]}", *arguments[1:]]
-        log = subprocess.DEVNULL
-        self.processes.append(subprocess.Popen(call, cwd=self.folder, env=environment, stdout=log, stderr=log))
-        return self.processes[-1]
-
-    def worker(self, *more: str) -> subprocess.Popen[bytes]:
-        """Start a worker; with ``--no-nanny`` it dies for good."""
-        return self.start("worker", self.address, "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1", *more)
-
-    def end(self, processes: list[subprocess.Popen[bytes]]) -> None:
-        """End processes."""
-        for process in processes:
-            process.kill()
-            process.wait()
-
-
 @pytest.fixture(scope="module")
 def dask(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
     pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'roughvol[cluster]'")
-    started = Dask(tmp_path_factory.mktemp("dask"))
-    try:
+    with contextlib.closing(Dask(tmp_path_factory.mktemp("dask"))) as started:
         yield started
-    finally:
-        started.end(started.processes)
 
 
 TEXT = "name: c\nsurface: {D: [2.3, 2.6], m: 4, seeds: 4}\nsweep: {steps: 60}\n"
@@ -199,6 +161,31 @@ def test_a_cluster_survives_its_workers(dask: Dask, tmp_path: Path, monkeypatch:
     with pytest.raises(CampaignError, match="has had no worker for 1 s, after it had some; what is finished is kept"):
         execution.run(study, out=tmp_path / "left", scheduler=dask.address, on_event=kill_all)
     assert run_status.status(study, tmp_path / "left").done
+
+
+@pytest.mark.slow
+def test_four_workers_of_which_one_is_killed_store_the_bits_of_a_local_run(dask: Dask, tmp_path: Path) -> None:
+    study = loads(
+        "name: c\nsurface: {D: [2.2, 2.8], m: [3, 5], seeds: 10}\nsweep: {steps: 20}\n"
+        "record: {transport: {transmissivity: every-step}, fields_at: last}\n"
+    )
+    dask.end(dask.processes[1:])
+    four, done = [dask.worker("--no-nanny") for _ in range(4)], list[int]()
+
+    def follow(now: Any) -> None:
+        done.append(now.done)
+        if now.done >= 8 and four[0].poll() is None and len(dask.names()) == 4:
+            four[0].kill()
+            assert four[0].wait() == -signal.SIGKILL
+
+    execution.run(study, out=tmp_path / "there", scheduler=dask.address, on_event=follow)
+    assert [worker.poll() for worker in four] == [-signal.SIGKILL, None, None, None]
+    assert min(done) < 8 < max(done)
+    with workers.in_this_process():
+        execution.run(study, out=tmp_path / "here", jobs=1)
+    there, here = bits_of(tmp_path / "there"), bits_of(tmp_path / "here")
+    assert len(here) == 40
+    assert there == here
 
 
 @pytest.mark.slow

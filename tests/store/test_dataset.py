@@ -249,7 +249,7 @@ def test_a_stamped_file_is_netcdf_for_every_other_tool(tmp_path: Path) -> None:
 def test_the_stamp_names_the_case_in_full(tmp_path: Path) -> None:
     dataset.write(_build(), tmp_path / "case.nc")
     found = stamped_file.labels(tmp_path / "case.nc")
-    assert found == run_folder.labels_for(_case())
+    assert found.items() > run_folder.labels_for(_case()).items()
     assert found["key"] != run_folder.labels_for(_case(seed=1))["key"]
     dataset.write(
         dataset.combine([_build()], _of_study()),
