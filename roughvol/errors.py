@@ -18,7 +18,23 @@ class RoughvolError(Exception):
 
 
 class RoughvolWarning(UserWarning):
-    """A doubt about a study or its results. The attribute ``warnings`` of the dataset has the same sentences."""
+    """A doubt about a study or its results. The attribute ``warnings`` of the dataset has the same sentences.
+
+    See Also
+    --------
+    roughvol.run, roughvol.press : Warn of limits of the model and of doubtful input.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import roughvol
+    >>> heights = [[0.0, 0.0, 0.0], [0.0, 9.0, 0.0], [0.0, 0.0, 0.0]]
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("ignore", roughvol.RoughvolWarning)
+    ...     ds = roughvol.press(heights, L=2.0, steps=1)
+    >>> len(ds.attrs["warnings"].splitlines()) > 0
+    True
+    """
 
 
 class RoughvolDeprecation(RoughvolWarning, FutureWarning):

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import re
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+import roughvol
+from roughvol.analysis.accessor import Accessor
+
 ROOMS = ("", "surfaces", "study", "contact", "gap", "observables", "ensemble", "store", "campaign", "report")
 SECTIONS = ("PR01", "RT01", "YD01")  # parameters, what is returned, what is yielded
+PAGE = Path(__file__).parents[1] / "docs" / "reference" / "python.md"
 NOT_YET: tuple[str, ...] = ()
 
 
@@ -31,6 +37,36 @@ def test_public_functions_document_parameters_and_results(name: str) -> None:
     validate = pytest.importorskip("numpydoc.validate", reason="needs roughvol[dev]")
     errors = validate.validate(name)["errors"]
     assert [text for code, text in errors if code in SECTIONS] == []
+
+
+def _on_the_page() -> Iterator[tuple[str, Any]]:
+    """Yield the functions and classes that users call: of the package, of the reference page, of the accessor."""
+    named = re.findall(r"^\.\. auto(?:function|class):: (\S+)", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    for name in sorted({f"roughvol.{name}" for name in roughvol.__all__} | set(named)):
+        module, _, last = name.rpartition(".")
+        thing = getattr(importlib.import_module(module), last)
+        if callable(thing):
+            yield name, thing
+    for name, method in vars(Accessor).items():
+        if not name.startswith("_"):
+            yield f"ds.roughvol.{name}", method
+
+
+CALLED = dict(_on_the_page())
+
+
+@pytest.mark.parametrize("name", CALLED)
+def test_what_users_call_has_an_example_and_refers_to_its_neighbours(name: str) -> None:
+    """`tests/test_examples.py` runs the examples."""
+    text = inspect.getdoc(CALLED[name]) or ""
+    assert [section for section in ("Examples", "See Also") if f"\n{section}\n---" not in text] == []
+    assert text.count("\n>>> ") > 1
+
+
+def test_the_page_has_every_function_of_the_package() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    public = {name for name in roughvol.__all__ if inspect.isfunction(getattr(roughvol, name))}
+    assert {name for name in public if f".. autofunction:: roughvol.{name}\n" not in text} == set()
 
 
 def test_a_function_without_its_sections_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

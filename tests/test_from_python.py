@@ -8,6 +8,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 
 import roughvol
@@ -24,7 +25,8 @@ def names(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
         warnings.simplefilter("ignore", roughvol.RoughvolWarning)
         warnings.simplefilter("ignore", ImportWarning)  # SurfaceTopography runs without MPI
-        patch.chdir(tmp_path_factory.mktemp("page"))
+        names["folder"] = tmp_path_factory.mktemp("page")
+        patch.chdir(names["folder"])
         for block in BLOCKS:
             if "SurfaceTopography" in block and importlib.util.find_spec("SurfaceTopography") is None:
                 continue
@@ -47,6 +49,25 @@ def test_the_map_is_one_in_every_form(names: dict[str, Any]) -> None:
         assert float(ds.nominal_pressure[-1]) == pytest.approx(0.02, rel=1e-5)
         assert (float(ds.L), ds.nominal_pressure.units) == (100.0, "MPa")
     assert float(forms[0].Sq) == pytest.approx(float(forms[1].Sq))
+
+
+def test_the_six_things_give_what_their_comments_say(names: dict[str, Any]) -> None:
+    assert re.findall(r"^## (\d)", PAGE.read_text(encoding="utf-8"), re.MULTILINE) == list("123456")
+    at_load, needed, seal = names["at_load"], names["needed"], names["card"].seal
+    assert needed.low <= needed.value <= needed.high
+    assert (needed.unit, names["closing"].unit, seal.unit) == ("MPa", "MPa", "mm^3/s")
+    assert needed.value < names["closing"].high
+    assert (
+        names["history"].leak["x"].value[0] > names["history"].leak["x"].value[1]
+    )  # a material that creeps seals better
+    assert names["cards"].plain()["seal"]["leak"] == seal.leak
+    assert all((names["folder"] / page).exists() for page in names["pages"])
+    assert set(names["found"].frame()["run"]) == {"m4", "m5"}
+    saved = pd.read_csv(names["folder"] / "joint.csv")
+    assert list(saved["state"]) == ["pressure=0.1 MPa"] * 2 + ["pressure=0.2 MPa"] * 2
+    assert saved["leak_rate_x"].to_numpy()[2:] == pytest.approx(
+        at_load.leak_rate.sel(axis="x").values.ravel(), rel=1e-6
+    )
 
 
 def test_messages_begin_as_their_comments_say(names: dict[str, Any]) -> None:

@@ -75,6 +75,10 @@ class Accessor:
         DatasetError
             If nothing was pressed, no surface reaches the level, or the arguments name no level or several.
 
+        See Also
+        --------
+        roughvol.show : Returns the numbers at loads as rows, for pandas.
+
         Examples
         --------
         >>> import numpy as np
@@ -113,6 +117,10 @@ class Accessor:
         Dataset
             The same with further variables.
 
+        See Also
+        --------
+        roughvol.analysis.accessor.Accessor.at : Returns them at a load.
+
         Examples
         --------
         >>> import numpy as np
@@ -140,6 +148,10 @@ class Accessor:
         ------
         DatasetError
             If there is no such variable, or its unit cannot be converted.
+
+        See Also
+        --------
+        roughvol.analysis.accessor.Accessor.quantity : Returns a variable as a quantity of pint.
 
         Examples
         --------
@@ -218,6 +230,10 @@ class Accessor:
         ------
         DatasetError
             If the dataset has no such dimension.
+
+        See Also
+        --------
+        roughvol.compare : Returns the numbers of several runs at equal loads.
 
         Examples
         --------

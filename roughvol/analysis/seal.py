@@ -232,9 +232,12 @@ def _estimate(
 
 
 def _of_few(values: Array, isotropic: bool) -> float:
-    """Return the factor of the mean logarithm over scans; infinite for one scan."""
+    """Return the factor of the mean logarithm over scans; infinite for one scan, and where one of two never closes."""
     logs = np.log(values if isotropic else values[..., :1]).mean(axis=(1, 2))
-    return math.exp(half_width(float(logs.std(ddof=1)), len(logs))) if len(logs) > 1 else math.inf
+    if len(logs) < 2:
+        return math.inf
+    with np.errstate(over="ignore"):
+        return float(np.exp(half_width(float(logs.std(ddof=1)), len(logs))))
 
 
 @dataclass(frozen=True)

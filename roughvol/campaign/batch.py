@@ -44,6 +44,19 @@ class Progress:
         Half-width of an ensemble beside the requested one. Else empty.
     left : float, optional
         Expected seconds until the end of the run.
+
+    See Also
+    --------
+    roughvol.run : Calls ``on_event`` with it.
+
+    Examples
+    --------
+    >>> import roughvol
+    >>> seen = []
+    >>> study = {"name": "seen", "surface": {"D": 2.5, "m": 3, "seeds": 2}, "sweep": {"steps": 2}}
+    >>> _ = roughvol.run(study, jobs=1, on_event=seen.append)
+    >>> seen[-1].cases, seen[-1].done, seen[-1].work
+    (2, 2, 1.0)
     """
 
     cases: int

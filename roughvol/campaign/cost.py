@@ -181,6 +181,18 @@ def estimate(study: Study, jobs: int | None = None) -> Estimate:
     -------
     Estimate
         Cases, memory, disk and time.
+
+    See Also
+    --------
+    roughvol.check : Returns it with the first surface and doubts.
+
+    Examples
+    --------
+    >>> from roughvol.campaign import estimate
+    >>> from roughvol.study import loads
+    >>> found = estimate(loads("{surface: {D: [2.2, 2.5], m: 4, seeds: 3}, sweep: {steps: 10}}"), jobs=1)
+    >>> found.cases, found.steps, found.seconds < 60.0
+    (6, 60, True)
     """
     return _estimate(study.cases(), jobs)
 

@@ -63,6 +63,19 @@ class Context:
         Resolved study as text, for the provenance.
     surface : Surface, optional
         Surface of the case, if it has been read already.
+
+    See Also
+    --------
+    roughvol.campaign.run_case : Computes a case with it.
+
+    Examples
+    --------
+    >>> from roughvol.campaign import Context, run_case
+    >>> from roughvol.study import loads
+    >>> solved, study = [], loads("{surface: {D: 2.2, m: 3, seeds: 1}, sweep: {steps: 3}}")
+    >>> _ = run_case(study.cases()[0], Context(on_step=solved.append))
+    >>> len(solved)
+    3
     """
 
     half_spaces: HalfSpaces = field(default_factory=dict)

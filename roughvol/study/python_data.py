@@ -2,7 +2,8 @@
 
 Numbers of numpy, decimals and fractions are numbers, arrays are lists, paths are text. A quantity of pint is the text
 of its number and unit, as ``10 MPa``. Where a study does not know the unit, as an inch or a unit of the user, the text
-has base units. A number of xarray has the unit of its attribute ``units``. Attributes tell these types apart.
+has base units, but for L: its unit is that of heights without one. A number of xarray has the unit of its attribute
+``units``. Attributes tell these types apart.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ LONGEST = 1024  # bits of a whole number; floats end there
 NO_UNIT = ("", "1", "length")  # attributes `units` of numbers without a unit
 PERCENT = "%"  # a share of a mean in an ensemble, and no number
 DIFFERENCE = "Δ"  # of temperatures
+GIVES_UNIT = "surface.L"
 
 
 def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
@@ -35,7 +37,7 @@ def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
         return str(value)
     if isinstance(value, Mapping) and not hasattr(value, "coords"):
         return _plain_mapping(value, problems, path)
-    number, unit = measured(value)
+    number, unit = measured(value, convert=key_text(path) != GIVES_UNIT)
     if unit:
         return _with_unit(plain(number, problems, path), unit)
     if isinstance(number, numbers.Integral):
@@ -122,7 +124,7 @@ def changes_of(changes: Changes) -> tuple[str, ...]:
     return tuple(f"{key}={_text(value)}" for key, value in data.items())
 
 
-def measured(value: Any) -> tuple[Any, str]:
+def measured(value: Any, *, convert: bool = True) -> tuple[Any, str]:
     """Return the number of an object and its unit, as ``MPa``; other objects unchanged, and an empty text."""
     unit = ""
     if hasattr(value, "coords") and hasattr(value, "attrs") and hasattr(value, "data"):  # a DataArray
@@ -130,7 +132,7 @@ def measured(value: Any) -> tuple[Any, str]:
         unit = "" if unit in NO_UNIT else unit
     if hasattr(value, "magnitude") and hasattr(value, "units"):  # a quantity of pint, of any registry
         unit = f"{value.units:~C}"
-        if not (unit == PERCENT or unit.startswith(DIFFERENCE) or is_known(unit)):
+        if convert and not (unit == PERCENT or unit.startswith(DIFFERENCE) or is_known(unit)):
             value = value.to_base_units()
             unit = f"{value.units:~C}"
         value = value.magnitude

@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose
 
 import roughvol
 from roughvol.analysis import seal
+from roughvol.analysis.leak_curve import ENDLESS
 from roughvol.cli import main
 from roughvol.errors import StudyError
 from roughvol.gap import sheet
@@ -96,6 +97,15 @@ def test_closed_patches_leave_an_interval_from_zero() -> None:
     assert found.low == 0.0
     every = seal.conductance_of(np.zeros((3, 1, 2)), (4, 240), isotropic=True)
     assert (every.value, every.low, every.high) == (0.0, 0.0, math.inf)
+
+
+def test_a_seal_closes_where_its_patches_do_although_one_of_two_never_closes() -> None:
+    values = patches(2, 0.1, 7)
+    every = seal.closing_of(values, (4, 240), isotropic=True)
+    values[1] = ENDLESS  # a way that the sweep does not close
+    found = seal.closing_of(values, (4, 240), isotropic=True)
+    assert every.value <= found.value < math.inf
+    assert math.isnan(found.high)
 
 
 def test_one_scan_has_no_interval() -> None:
