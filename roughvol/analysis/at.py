@@ -22,6 +22,7 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis import leak
+from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
 from roughvol.errors import DatasetError
@@ -284,7 +285,7 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
         data[name] = (("seed", "axis"), np.where(np.isfinite(there), there, old), attrs)
     if beyond:
         _close(data, len(reached), shut[beyond])
-    return State(label, data, group.sizes["seed"], len(beyond), _label(level, leg))
+    return State(label, with_leaks(run.study, group, data), group.sizes["seed"], len(beyond), _label(level, leg))
 
 
 def _empty(data: Dataset, group: Dataset, alone: list[int]) -> None:

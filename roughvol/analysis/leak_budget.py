@@ -308,6 +308,11 @@ def _seal(fine: Sequence[_Loaded], ways: Sequence[Way]) -> SealLeak | None:
         representative=representative,
         shared=shared,
     )
+    if (name := f"gas_{FLOW}") in fine[0].table:
+        leaks = np.array([[one.leak(axis, name) for axis in AXES] for one in fine])
+        throughput = f"{number(seal.median(patch, leaks, isotropic=isotropic))} {fine[0].unit(name)}"
+        gas = fine[0].table[name].attrs.get("gas", "the gas")
+        words += (f"leak of {gas}: {throughput}, the median of as many sheets; the interval is that of the liquid",)
     if leak.value == 0.0 and representative:  # at most the leak of patches that close later
         most = patch.conductances(np.array([[way.at_most for way in ways]]), in_units=units)[0, 0] * patch.squares
         leak, parts = seal.Estimate(0.0, 0.0 if math.isfinite(most) else math.nan, most), flow.parts

@@ -34,10 +34,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from roughvol.analysis.leak import is_lifted
 from roughvol.analysis.leak_card import Part, together
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.tables import number
 from roughvol.ensemble.multilevel import COVERAGE, half_width
+from roughvol.errors import StudyError
+from roughvol.observables.variables import QUANTITIES
 from roughvol.store.dataset import Dataset
 from roughvol.study import Region, Seal, Study
 from roughvol.surfaces.psd import octaves
@@ -50,6 +53,8 @@ SIDE_BY_SIDE = 4096  # rings whose mean is taken at most; a longer seal has the 
 ERRORS = 2.0  # standard errors within which x and y are alike
 ENDS = (0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE)
 LONGEST = 0.25  # largest variance of the waves as long as the map over that of the highest octave
+LEAKS = {"leak_rate": "seal_leak_rate", "gas_leak_rate": "seal_gas_leak_rate"}
+ONE_LOAD = 1e-6  # relative: patches at a step have one load
 MOST = 700.0  # logarithm of a factor, so that its exponential is finite
 
 
@@ -302,6 +307,58 @@ def ratios(surface: Dataset) -> Array:
     if not name:
         return np.empty((0, 2))
     return np.asarray(first_leg(surface)[name].transpose(..., "axis").values, dtype=float).reshape(-1, 2)
+
+
+def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Dataset:
+    """Return states with the leaks of the seal of their study, as medians over sheets of patches; 0 where closed.
+
+    States without a leak of the seal stay as they are: of a study without a seal, of a seal smaller than its patches,
+    and of patches in a row that fluid pressure lifts by different pressures. A leak at a step of surfaces that differ
+    in their load there is missing.
+
+    Parameters
+    ----------
+    study : Study or None
+        Their study.
+    surfaces : Dataset
+        All steps of surfaces along ``seed``, which show whether x and y differ.
+    states : Dataset
+        Leaks along ``seed`` and ``axis``, and along ``step`` of several states.
+    """
+    try:
+        patch = Patch.of(study, surfaces)
+    except StudyError:
+        return states
+    if patch is None or (is_lifted(surfaces) and patch.patches[0] > 1):
+        return states
+    alike = is_isotropic([ratios(surfaces.isel(seed=[k])) for k in range(surfaces.sizes["seed"])])
+    words = f"{patch.seal.label}, flow along {patch.seal.flow}, {' × '.join(map(str, patch.patches))} patches"
+    found = {}
+    for name in LEAKS.keys() & set(states):
+        leaks = states[name].transpose(..., "seed", "axis")
+        several = leaks.ndim > 2
+        states_of = leaks.values.reshape(-1, *leaks.shape[-2:])
+        values = [median(patch, some, isotropic=alike, draws=FEW_DRAWS if several else DRAWS) for some in states_of]
+        one = leaks.isel(axis=0, drop=True).copy()
+        one.values = np.broadcast_to(np.reshape(values, (-1, 1) if several else (1,)), one.shape)
+        if several:
+            loads = states["mean_pressure"] * states["Sq"]
+            one = one.where(loads.max("seed") - loads.min("seed") <= ONE_LOAD * abs(loads).max("seed"))
+        found[LEAKS[name]] = one.assign_attrs(symbol=QUANTITIES[LEAKS[name]].symbol, seal=words)
+    return states.assign(found)
+
+
+def median(patch: Patch, leaks: Array, *, isotropic: bool, draws: int = DRAWS) -> float:
+    """Return the leak of a seal whose patches have leaks along x and y, those that are known; NaN without one.
+
+    So does a gas: between two pressures its throughput goes with p², and G of viscous flow is that of the liquid.
+    """
+    known = leaks[np.isfinite(leaks).all(axis=1)]
+    if not len(known):
+        return math.nan
+    values = patch.conductances(known, in_units=True)[:, np.newaxis]
+    found = conductance_of(values, patch.patches, isotropic=isotropic and len(known) > 1, draws=draws)
+    return found.value * patch.squares
 
 
 def window_of(found: Estimate, samples: str) -> Part:

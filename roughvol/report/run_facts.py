@@ -20,6 +20,7 @@ from roughvol.analysis.closing import load_of, spans
 from roughvol.analysis.derived import derived, groups, is_pressed
 from roughvol.analysis.hysteresis import hysteresis
 from roughvol.analysis.legs import first_leg
+from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number
 from roughvol.campaign.interpretation import BEYOND
@@ -70,7 +71,7 @@ def facts(run: Run) -> Facts:
     tables = [*_surfaces(run)]
     if is_pressed(ds):
         ds = derived(ds, run.study)
-        some = list(groups(ds))
+        some = [(name, with_leaks(run.study, group, group)) for name, group in groups(ds)]
         tables += closing([(name, first_leg(group)) for name, group in some])
         for name, group in some:
             tables += hysteresis(group, name if len(some) > 1 else "")
@@ -272,7 +273,11 @@ def _pressed(study: Study, region: str) -> list[tuple[str, str]]:
 def _seal(study: Study) -> str:
     """Return the seal of a study in words; empty without one."""
     seal = study.seal
-    return "" if seal is None else f"{seal.label}, flow along {seal.flow}; leaks here are those of the patch"
+    return (
+        ""
+        if seal is None
+        else f"{seal.label}, flow along {seal.flow}; Q is the leak of the patch, Q_seal that of the seal"
+    )
 
 
 # states

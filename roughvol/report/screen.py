@@ -14,6 +14,7 @@ from roughvol.analysis.at import RULE, State, at, legs_of
 from roughvol.analysis.average import average, is_flow
 from roughvol.analysis.derived import check_pressed, derived, groups
 from roughvol.analysis.legs import first_leg
+from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, spread
 from roughvol.analysis.units import in_units
@@ -61,11 +62,15 @@ class Records(NamedTuple):
         return frame
 
 
-def _named(run: Run, units: dict[str, str] | None = None) -> list[tuple[str, Dataset]]:
-    """Return the groups of surfaces of a run by name, in common units where these are given."""
+def _named(run: Run, units: dict[str, str] | None = None, *, steps: bool = False) -> list[tuple[str, Dataset]]:
+    """Return the groups of surfaces of a run by name, in common units where these are given.
+
+    With ``steps`` the leak of the seal of the study stands at each step.
+    """
     check_pressed(run.dataset, run.name)
     ready = derived(run.dataset, run.study)
-    return list(groups(ready if units is None else in_units(ready, units)))
+    named = list(groups(ready if units is None else in_units(ready, units)))
+    return [(name, with_leaks(run.study, group, group)) for name, group in named] if steps else named
 
 
 def _at_levels(table: str, heads: Sequence[str], rows: Sequence[Row]) -> States:
@@ -116,7 +121,7 @@ def _chief(run: Run, group: Dataset) -> Iterator[State]:
 
 def shown(run: Run, levels: Sequence[Level] = ()) -> list[Table]:
     """Return the tables of ``roughvol show``: all steps of each group of surfaces, or the states asked for."""
-    named = _named(run)
+    named = _named(run, steps=not levels)
     if levels:
         found = _of_groups("steps", [row for level in levels for row in _reaching(run, named, level)])
         return [found.table("", *found.notes(), RULE, *[BETWEEN_STEPS] * (STIFFNESS in found.columns))]
@@ -182,7 +187,7 @@ def records(run: Run, levels: Sequence[Level] = ()) -> Records:
 
 def _records(run: Run, levels: Sequence[Level], common: dict[str, str]) -> tuple[list[dict[str, Any]], dict[str, str]]:
     """Return the numbers of every surface of one combination in common units, and these units."""
-    named = _named(run, common)
+    named = _named(run, common, steps=True)
     if levels:
         every = [[(state, spread(state.data))] for level in levels for _, state in _reaching(run, named, level)]
     else:

@@ -14,13 +14,14 @@ from numpy.testing import assert_allclose
 import roughvol
 from roughvol.analysis import seal
 from roughvol.analysis.leak_curve import ENDLESS
+from roughvol.analysis.stored_run import Run
 from roughvol.cli import main
 from roughvol.errors import StudyError
 from roughvol.gap import sheet
 from roughvol.gap.network import harmonic
 from roughvol.gap.transport import conduction
-from roughvol.report import card_text
-from roughvol.study import loads
+from roughvol.report import card_text, screen
+from roughvol.study import loads, parse
 from roughvol.surfaces import Spectrum, Surface, power_law_surface, random_midpoint_displacement
 from roughvol.typing import Array
 
@@ -221,6 +222,35 @@ def test_the_card_of_a_seal(cards: roughvol.questions.Cards) -> None:
     assert {part.name for part in found.parts} >= {"solver", "grid", "window"}
     assert card_text.seal(card.seal).startswith("of 120 mm by 2 mm leaks ")
     assert "tight above 0.1" in card_text.seal(card.seal)
+
+
+def test_the_seal_of_a_run_at_a_load_leaks_as_on_its_card(cards: roughvol.questions.Cards) -> None:
+    (card,) = cards.cards.values()
+    (runs,) = next(iter(cards.runs.values())).values()
+    fine = runs.fine.dataset
+    assert card.seal is not None
+    run = Run.of("joint", fine)
+    of_steps, of_load = screen.records(run).frame(), screen.records(run, [parse(AT)]).frame()
+    assert_allclose(of_load["seal_leak_rate"], card.seal.leak, rtol=1e-9)
+    assert of_load["leak_rate_x"].between(card.seal.leak / 600.0, card.seal.leak / 6.0).all()  # 60 squares
+    assert of_steps["seal_leak_rate"].isna().all()  # surfaces differ in their load at a step
+    one = screen.records(Run.of("joint", fine.isel(seed=[0]))).frame()
+    assert_allclose(one["seal_leak_rate"].dropna(), 60.0 * one["leak_rate_x"].dropna(), rtol=1e-9)  # repeated
+    (table,) = screen.shown(run, [parse(AT)])
+    assert "Q_seal [mm^3/s]" in table.head
+    assert "120 mm by 2 mm, flow along x, 4 × 240 patches" in table.note
+
+
+def test_a_gas_leaks_through_a_seal_as_much_more_as_through_its_patches() -> None:
+    """Its throughput goes with p², and the sheet is that of the liquid."""
+    study = loads(TEXT)
+    assert study.seal is not None
+    patch = seal.Patch(study.seal, (0.5, 0.5), "mm", 1.0)
+    leaks = np.vstack([patches(3, 1.0, 0)[:, 0], [[math.nan, 1.0]]])  # the last surface is not known
+    found = [seal.median(patch, of * leaks, isotropic=True) for of in (1.0, 7.0)]
+    assert_allclose(found[1], 7.0 * found[0])
+    assert np.nanmin(leaks) < found[0] / 60.0 < np.nanmax(leaks)  # 60 squares
+    assert math.isnan(seal.median(patch, leaks[3:], isotropic=True))
 
 
 def test_the_same_seal_of_patches_in_another_direction(tmp_path: Path) -> None:

@@ -49,6 +49,7 @@ HEADS = {  # symbol of a column: stored name
     "u_pl/σ": "plastic_volume",
     "A_pl*": "plastic_area_fraction",
     "K L/E*": "interfacial_stiffness",
+    "Q_seal": "seal_leak_rate",
 } | {
     head.format(axis): name.format(axis)
     for axis in "xy"
@@ -207,11 +208,11 @@ def check_table(made: Made, table: Table, made_of: Callable[[str], Made] | None 
     words = [", ".join((table.title, row.get("surface", ""), row.get("run", ""))) for row in table.rows]
     of_rows = [own.group(text) for own, text in zip(owners, words, strict=True)]
     several = any(len(group.surfaces) > 1 for group in of_rows)
-    for row, group in zip(table.rows, of_rows, strict=True):
+    for row, group, own in zip(table.rows, of_rows, owners, strict=True):
         if "ways closed" in row:
             count += _check_closing(group, row)
             continue
-        states = [_state(surface, row) for surface in group.surfaces]
+        states = [_with_seal(own.kind, _state(surface, row)) for surface in group.surfaces]
         for head, cell in row.items():
             if head in ("step", "state", "surface", "run"):
                 continue
@@ -231,6 +232,13 @@ def _state(surface: Surface, row: dict[str, str]) -> dict[str, float] | None:
         k = int(step[1]) - 1
         return {n: float(v[k]) for n, v in surface.along.items()}
     return oracle.recorded(surface, label)
+
+
+def _with_seal(kind: Kind, state: dict[str, float] | None) -> dict[str, float] | None:
+    """Return a state with the leak of a seal that is one map repeated: as much per length over width as the map."""
+    if state is None or kind.squares == 1.0 or "leak_rate_x" not in state:
+        return state
+    return state | {"seal_leak_rate": kind.squares * state["leak_rate_x"]}
 
 
 def _check_count(cell: str, states: Sequence[dict[str, float] | None]) -> None:
@@ -312,7 +320,8 @@ def check_rows(made: Made, rows: Sequence[dict[str, Any]], labels: Sequence[str]
             states = _states_of(surface, labels)
             assert len(own) == len(states), (names, len(own), len(states))
             expected += len(states)
-            for row, numbers in zip(own, states, strict=True):
+            for row, state in zip(own, states, strict=True):
+                numbers = _with_seal(made.kind, state) or {}
                 for name, value in row.items():
                     if name in (*names, "step", "state", STIFFNESS):
                         continue
@@ -442,7 +451,7 @@ def compare_json(made: Made) -> int:
     for row in found:
         own = other if row["run"].partition(", ")[0] == beside else made
         group = own.group(row["run"])
-        states = [oracle.recorded(surface, row["state"]) or {} for surface in group.surfaces]
+        states = [_with_seal(own.kind, oracle.recorded(surface, row["state"])) or {} for surface in group.surfaces]
         reached = [state for state in states if math.isfinite(state.get("mean_pressure", math.nan))]
         closed = [state for state in states if state and state not in reached]
         counts = [row[name] for name in ("surfaces", "reached", "closed_before")]
