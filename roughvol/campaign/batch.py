@@ -111,27 +111,7 @@ _held: HalfSpaces = {}  # of a worker process: the half space of its last case
 
 
 def run_task(task: Task, tell: Callable[[tuple[str, int]], None], stopping: Callable[[], bool]) -> bytes | None:
-    """Run one case in a worker.
-
-    Parameters
-    ----------
-    task : Task
-        The case.
-    tell : callable
-        Receives the id of the case and the number of finished steps, now and then.
-    stopping : callable
-        Whether the case is to stop.
-
-    Returns
-    -------
-    bytes or None
-        Content of the file of the case; None if the case was stopped and has stored its steps.
-
-    Raises
-    ------
-    CampaignError
-        If this process computes answers of another format. Nothing is computed.
-    """
+    """Return the content of the file of a case, run in a worker; None if it was stopped and has stored its steps."""
     if task.answers != one_case.ANSWER_FORMAT:
         message = (
             f"the worker on {platform.node()} has roughvol {__version__} with answers of format "
@@ -256,15 +236,7 @@ class Batch:
         self._noted = time.monotonic()
 
     def compute(self) -> None:
-        """Compute all cases.
-
-        Raises
-        ------
-        CampaignError
-            If cases failed.
-        KeyboardInterrupt
-            If it was stopped before the end.
-        """
+        """Compute all cases; raise a `CampaignError` if cases failed, and KeyboardInterrupt if the run was stopped."""
         scheduler, jobs = self._control.scheduler, self._control.jobs or machine.cores()
         processes, here = min(jobs, len(self._cases)), False
         if scheduler is None:

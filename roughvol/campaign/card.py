@@ -56,19 +56,7 @@ class Plan:
 
 
 def surfaces_of(study: Study) -> dict[str, Study]:
-    """Return the studies of the surfaces of a card.
-
-    Parameters
-    ----------
-    study : Study
-        A study without lists.
-
-    Returns
-    -------
-    dict
-        The study of each height file by the name of the file. Seeds of generated surfaces stay together, without a
-        name.
-    """
+    """Return the study of each height file by the name of the file; seeds stay together, without a name."""
     surface = study.surface
     if not isinstance(surface, HeightFile) or len(surface.each) == 1:
         return {"": study}
@@ -81,22 +69,7 @@ def surfaces_of(study: Study) -> dict[str, Study]:
 def plan(study: Study, at: Level) -> Plan:
     """Return the runs of a card of one file, or of the seeds of one kind of surface.
 
-    Parameters
-    ----------
-    study : Study
-        One D and m, or one file.
-    at : Level
-        The load of the card; a value with a unit is that of every surface.
-
-    Returns
-    -------
-    Plan
-        The finest grid, coarser grids, and another levelling of a file.
-
-    Raises
-    ------
-    StudyError
-        If the study has several D or m, an ensemble, or no sweep, or if the level is no load of it.
+    The study has one D and m, or one file. A level with a unit is that of every surface.
     """
     surface = study.surface
     problems = []
@@ -144,13 +117,7 @@ def _check_seal(study: Study, seal: Seal) -> None:
 
 
 def _recordable(study: Study, at: Level) -> Level:
-    """Return a level as a study records it.
-
-    Raises
-    ------
-    StudyError
-        If the sweep has no such leg, or the level is no load.
-    """
+    """Return a level as a study records it; refuse a leg that the sweep has not, and a level that is no load."""
     legs = study.sweep.legs
     if at.leg is not None and at.leg > len(legs):
         message = f"--at {at.label}: the sweep has no leg {at.leg}; allowed: 1 to {len(legs)}"
@@ -312,16 +279,5 @@ def compute(
 
 
 def slug(text: str) -> str:
-    """Return a text as part of a file name.
-
-    Parameters
-    ----------
-    text : str
-        Any text, as ``pressure=0.5 MPa, leg 2``.
-
-    Returns
-    -------
-    str
-        Letters, digits and ``=+-.`` as they are, runs of all others as ``_``.
-    """
+    """Return a text as part of a file name: letters, digits and ``=+-.`` as they are, runs of all others as ``_``."""
     return re.sub(r"[^A-Za-z0-9=+.-]+", "_", text.replace(" = ", "=")).strip("_")

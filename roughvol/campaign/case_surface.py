@@ -58,11 +58,5 @@ def _libraries(modules: int) -> ThreadpoolController:
 
 
 def one_thread() -> AbstractContextManager[object]:
-    """Return a context in which the libraries of linear algebra use one thread.
-
-    Returns
-    -------
-    context manager
-        It restores the number of threads.
-    """
+    """Return a context in which the libraries of linear algebra use one thread."""
     return _libraries(len(sys.modules)).limit(limits=1)

@@ -79,13 +79,7 @@ class Cluster:
         return self._executor.submit(_call_there, function, task, self._run)
 
     def messages(self) -> Iterator[Any]:
-        """Yield the messages of tasks since the last call.
-
-        Raises
-        ------
-        CampaignError
-            If no worker is left.
-        """
+        """Yield the messages of tasks since the last call; raise a `CampaignError` if no worker is left."""
         self._check()
         while not self._inbox.empty():
             message = self._inbox.get()

@@ -148,14 +148,7 @@ def check_fits(
 def limited(jobs: int, needs: Iterable[float], available: float | None) -> tuple[int, str]:
     """Return the number of processes that fit in memory, from one to ``jobs``, and a sentence if it is smaller.
 
-    Parameters
-    ----------
-    jobs : int
-        Number of processes asked for.
-    needs : iterable of float
-        Bytes of each case; the largest may run together.
-    available : float or None
-        Bytes available, None for no limit.
+    The largest of the needs [bytes] may run together; ``available`` is None without a limit.
     """
     largest = sorted(needs, reverse=True)[:jobs]
     if available is None or sum(largest) <= SPARED * available:

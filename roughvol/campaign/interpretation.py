@@ -34,20 +34,7 @@ SCATTER = 0.01  # relative difference of the largest and the smallest Sq from wh
 
 
 def shown(study: Study, measured: Surface | None) -> Surface | None:
-    """Return the surface of the first case in the units of the study.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    measured : Surface or None
-        Its surface, if read from files.
-
-    Returns
-    -------
-    Surface or None
-        None if it is generated and finer than `LARGEST_M`.
-    """
+    """Return the surface of the first case in the units of the study; None if generated and finer than `LARGEST_M`."""
     if measured is not None or not isinstance(study.surface, MadeSurface):
         return measured
     return None if (study.cases()[0].m or 0) > LARGEST_M else _first_surface(study)
@@ -62,22 +49,7 @@ def _first_surface(study: Study) -> Surface:
 
 
 def text(surface: Surface, case: Case, cases: int = 1) -> str:
-    """Return a surface as comments of YAML: size, heights, readers, treatment.
-
-    Parameters
-    ----------
-    surface : Surface
-        The surface as pressed.
-    case : Case
-        Its case, the first of the study.
-    cases : int
-        Number of cases of the study.
-
-    Returns
-    -------
-    str
-        Lines that begin with ``#``.
-    """
+    """Return the surface of the first of so many cases as comments of YAML: size, heights, readers, treatment."""
     unit = f" {case.length_unit}" if case.length_unit else ""
     (rows, columns), spacing = surface.shape, surface.spacing
     period, width = "one period of " if surface.periodic else "", spacing * surface.intervals[1]
@@ -135,20 +107,7 @@ def notes(case: Case, surface: Surface) -> tuple[str, ...]:
 
 
 def doubts(study: Study, surface: Surface | None = None) -> list[str]:
-    """Return the numbers of a study that may be meant in another way.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    surface : Surface, optional
-        Surface of its first case, in the units of the study. Default: made or read here.
-
-    Returns
-    -------
-    list of str
-        Sentences.
-    """
+    """Return sentences on the numbers of a study that may be meant in another way."""
     if study.axes:
         found = (sentence for variant in study.variants for sentence in doubts(variant.study, surface))
         return list(dict.fromkeys(found))
@@ -160,23 +119,8 @@ def doubts(study: Study, surface: Surface | None = None) -> list[str]:
 def sentences(study: Study, Sq: Iterable[float], L: float, unit: str | None, *, about: str = "") -> list[str]:
     """Return a sentence for each kind of number that may be meant in another way.
 
-    Parameters
-    ----------
-    study : Study
-        The study, without lists.
-    Sq : iterable of float
-        Root mean square heights of its surfaces, in the unit of L.
-    L : float
-        Length of the surfaces.
-    unit : str or None
-        Unit of L; None for an arbitrary one.
-    about : str
-        A word before converted numbers, as "about" where Sq is not that of all surfaces.
-
-    Returns
-    -------
-    list of str
-        The sentences; empty for a study without doubt.
+    L and the Sq of the surfaces have one unit, None for an arbitrary one. ``about`` is a word before converted numbers,
+    as "about" where Sq is not that of all surfaces.
     """
     found = [*_hardness(study), *_accuracies(study)]
     heights = [float(height) for height in Sq if height > 0.0]

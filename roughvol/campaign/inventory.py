@@ -85,29 +85,7 @@ def _set_aside(folder: Path, outdated: Mapping[str, str], bad: Mapping[Path, str
 
 
 def taken(folder: Path, missing: Sequence[Case], stopping: Callable[[], bool] = lambda: False) -> list[Case]:
-    """Store the cases that a sibling run has finished.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of the run, which this process owns.
-    missing : sequence of Case
-        Cases without a file there.
-    stopping : callable
-        Polled between two cases.
-
-    Returns
-    -------
-    list of Case
-        The cases stored.
-
-    Raises
-    ------
-    FolderError
-        If the folder cannot be written.
-    KeyboardInterrupt
-        If it is to stop.
-    """
+    """Store the cases that a sibling run has finished, and return them."""
     siblings = siblings_of(folder) if missing else []
     found = []
     for case in missing:

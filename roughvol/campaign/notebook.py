@@ -26,10 +26,7 @@ def in_notebook() -> bool:
 def progress() -> OnEvent | None:
     """Return a function that draws the progress of a run in the cell at work, None outside a notebook.
 
-    Returns
-    -------
-    callable or None
-        Takes a `Progress`. Runs of less than `AFTER` seconds draw nothing.
+    Runs of less than `AFTER` seconds draw nothing.
     """
     return Bar() if in_notebook() else None
 

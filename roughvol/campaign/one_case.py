@@ -155,20 +155,7 @@ def _recorded(case: Case, context: Context) -> Values:
 
 
 def undeformed(case: Case, surface: Surface) -> Values:
-    """Return the numbers of the undeformed surface and of its treatment.
-
-    Parameters
-    ----------
-    case : Case
-        Names what to record.
-    surface : Surface
-        Its surface.
-
-    Returns
-    -------
-    dict
-        Values by stored name.
-    """
+    """Return the numbers of the undeformed surface and of its treatment by stored name."""
     values = reduction.of_surface(case, surface)
     if case.treatment.filling is not None:
         values["filled_fraction"] = surface.filled / surface.heights.size
@@ -212,24 +199,7 @@ def kernel_on(spacing: float, case: Case) -> Kernel:
 
 
 def half_space_of(surface: Surface, kernel: Kernel, threads: int, held: HalfSpaces) -> HalfSpace:
-    """Return the half space of a surface: the one held if it fits, else a new one, which is held from then on.
-
-    Parameters
-    ----------
-    surface : Surface
-        Gives shape and sides.
-    kernel : Kernel
-        Kernel of the study, with its parameters.
-    threads : int
-        Threads inside a convolution.
-    held : mutable mapping
-        Half space of the last shape and kernel.
-
-    Returns
-    -------
-    HalfSpace
-        The half space.
-    """
+    """Return the half space of a surface: the one held if it fits, else a new one, which is held from then on."""
     key = (surface.shape, surface.sides, kernel, threads)
     if key not in held:
         held.clear()  # one at a time: it is the largest thing in memory

@@ -127,24 +127,9 @@ def rungs_of(case: Case) -> list[Rung]:
 
 
 def measure(study: Study, on_rung: Callable[[int, int], None] | None = None) -> Dataset:
-    """Return errors, bounds and costs of every rung on the surfaces of a study.
+    """Return errors, bounds and costs of every rung on the surfaces of a study; its accuracy has no effect.
 
-    Parameters
-    ----------
-    study : Study
-        Study with the surfaces, sweep and kernel. Its accuracy has no effect.
-    on_rung : callable, optional
-        Called with the number of finished sweeps and their total.
-
-    Returns
-    -------
-    Dataset
-        Variables of `TABLE`, dimensions ``rung`` and ``surface``.
-
-    Raises
-    ------
-    SurfaceError, ContactError, ConvergenceError
-        If a surface cannot be made, pressed or solved.
+    ``on_rung`` is called with the number of finished sweeps and their total.
     """
     cases = surfaces_of(study)
     rungs = rungs_of(cases[0])

@@ -227,20 +227,7 @@ def before(given: Setting, target: Level, *, Sq: float, Sdq: float, L: float, pe
 
 
 def after(given: Setting, results: Dataset) -> list[Finding]:
-    """Return the limits exceeded by the computed states of a study.
-
-    Parameters
-    ----------
-    given : Setting
-        See `setting`.
-    results : Dataset
-        Collected cases, heights scaled to the Sq of the study.
-
-    Returns
-    -------
-    list of Finding
-        Excesses with their states.
-    """
+    """Return the limits exceeded by the computed states of a study, heights scaled to its Sq."""
     if "mean_pressure" not in results:
         return []  # no contact
 

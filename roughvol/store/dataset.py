@@ -45,34 +45,13 @@ SMALL = 1 << 20  # bytes of values up to which the file of a case is netCDF-3
 
 
 def build(case: Case, values: Mapping[str, ArrayLike], attributes: Mapping[str, str]) -> Dataset:
-    """Return the labelled dataset of one case.
-
-    Parameters
-    ----------
-    case : Case
-        Gives the leading coordinates (D, m, seed, or the file) and L.
-    values : mapping of name to array
-        Coordinates and variables of the table, without the dimensions of the case.
-    attributes : mapping
-        Provenance, see `provenance.provenance`.
-
-    Raises
-    ------
-    DatasetError
-        If a name is not in the table, or an array has other dimensions than the table.
-    """
+    """Return the labelled dataset of one case, from values by stored name without the dimensions of the case."""
     arrays = small_file.arrays_of_case(case, values)
     return _described(Dataset(arrays, attrs=dict(attributes)))  # at once: each one added alone takes a millisecond
 
 
 def combine(cases: Sequence[Dataset | Arrays], attributes: Mapping[str, str]) -> Dataset:
-    """Return one dataset of many cases, aligned by label, with the missing values of the module's docstring.
-
-    Raises
-    ------
-    DatasetError
-        If there is no case, or the cases differ in L.
-    """
+    """Return one dataset of many cases, aligned by label, with the missing values of the module's docstring."""
     if not cases:
         raise DatasetError("no case to combine")
     parts = [arrays_of(case) if isinstance(case, Dataset) else case for case in cases]
@@ -211,11 +190,6 @@ def read_arrays(path: Path) -> tuple[Arrays, dict[str, str], stamped_file.Labels
     """Return the variables of a file as plain arrays, its attributes and its labels; quicker than `read`.
 
     Variables outside the table are left out: a later version may have stored them beside the same answers.
-
-    Raises
-    ------
-    DatasetError
-        As for `read`.
     """
     content, labels = stamped_file.verified(path)
     _check_format(labels, path)
@@ -279,17 +253,7 @@ def answers(dataset: Dataset) -> Dataset:
 
 
 def recorded_state(case: Dataset, dim: str, index: int) -> Dataset:
-    """Return one case at a recorded state, with the numbers of that state in place of those of its step.
-
-    Parameters
-    ----------
-    case : Dataset
-        One surface, without the dimensions of the case.
-    dim : str
-        ``field_at``, ``density_at``, ``box_at`` or ``flux_at``.
-    index : int
-        Index of a state that was reached.
-    """
+    """Return one case at a recorded state, as of ``field_at``: its numbers in place of those of the step."""
     state = case.isel({dim: index})
     state = state.sel(step=int(state[f"{dim}_step"]))
     own = {str(name): str(name).removeprefix(f"{dim}_") for name in state.data_vars if str(name).startswith(f"{dim}_")}

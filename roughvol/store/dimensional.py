@@ -44,22 +44,7 @@ def check(case: Case) -> None:
 
 
 def in_units(results: Dataset, study: Study, length_unit: str | None) -> Dataset:
-    """Return the cases of a study with heights scaled to its Sq, and with its numbers in units.
-
-    Parameters
-    ----------
-    results : Dataset
-        All cases together, from `dataset.combine`.
-    study : Study
-        Gives Sq, the moduli, and ``record.dimensional``.
-    length_unit : str or None
-        Unit of the stored lengths.
-
-    Returns
-    -------
-    Dataset
-        The same cases, with further variables.
-    """
+    """Return the cases of a study with heights scaled to its Sq, and with the numbers of ``record.dimensional``."""
     surface = study.surface
     if isinstance(surface, GeneratedSurface) and surface.height is not None:
         results = scaled(results, surface.height)

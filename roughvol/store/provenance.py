@@ -49,21 +49,7 @@ def provenance(
     ids: Iterable[str] = (),
     versions: Mapping[str, int] | None = None,
 ) -> dict[str, str]:
-    """Return the global attributes: study, code, machine, date, and the paper to cite.
-
-    Parameters
-    ----------
-    study : str
-        The resolved study as YAML text, every default written out.
-    fft : mapping
-        Library version, planner and threads of the transforms.
-    cases : sequence of Case
-        The one case in the file, or those of a study, with the files of their heights.
-    ids : iterable of str
-        The cases in the file of a whole study.
-    versions : mapping, optional
-        Number of cases of a study by version of roughvol.
-    """
+    """Return the global attributes: resolved study, code, machine, transforms, date, and the paper to cite."""
     case, ids = cases[0], list(ids)
     attributes = {
         "title": "Free volume between rough surfaces in elastic contact",

@@ -172,27 +172,10 @@ def with_results(folder: Path = RUNS) -> list[Path]:
 
 
 def study_of(run: str | Path, changes: Sequence[str] = ()) -> tuple[Study, Path]:
-    """Return the study of a study file or of a run, and the folder of its results, which need not exist.
+    """Return the study of a study file, or of a run by folder, ``study.nc`` or name, and the folder of its results.
 
-    Parameters
-    ----------
-    run : path
-        A study file, the folder of a run, its ``study.nc``, or a name under ``runs``.
-    changes : sequence of str
-        Other values of keys, as ``surface.m=6``.
-
-    Returns
-    -------
-    Study
-        The study. A run stores the names of height files alone: they lie in its folder, as heights that were in
-        memory, or in the current folder.
-    Path
-        The folder of the results.
-
-    Raises
-    ------
-    StudyError
-        If there is no such study, or it has problems.
+    A run stores the names of height files alone: they lie in its folder, as heights that were in memory, or in the
+    current folder.
     """
     path = Path(run)
     if not _is_file(path) or path.name == RESULTS:

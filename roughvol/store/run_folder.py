@@ -129,17 +129,7 @@ class Examined(NamedTuple):
 
 
 def examined(path: Path, case: Case, *, quick: bool = False) -> Examined:
-    """Return version and fault of the file of a case.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    case : Case
-        Its case.
-    quick : bool
-        Verify only the stamp of a file larger than `QUICK_BYTES`, not every bit.
-    """
+    """Return version and fault of the file of a case; ``quick``: beyond `QUICK_BYTES`, only the stamp is read."""
     try:
         whole = not quick or path.stat().st_size <= QUICK_BYTES
         labels = stamped_file.verified(path)[1] if whole else stamped_file.labels(path)
@@ -169,13 +159,7 @@ def versions_text(versions: Mapping[str, int]) -> str:
 
 
 def set_aside(path: Path, reason: str) -> Path:
-    """Move a file into ``set_aside`` with its reason beside it, and return its new path.
-
-    Raises
-    ------
-    FolderError
-        If the folder cannot be written.
-    """
+    """Move a file into ``set_aside`` with its reason beside it, and return its new path."""
     target = path.parent / "set_aside" / path.name
     try:
         target.parent.mkdir(exist_ok=True)
@@ -214,13 +198,7 @@ def small_json(path: Path) -> dict[str, Any]:
 
 
 def note(folder: Path, content: Mapping[str, Any]) -> None:
-    """Write ``progress.json``, without an error if that fails in a folder that exists.
-
-    Raises
-    ------
-    FolderError
-        If the folder has vanished: no result could be stored.
-    """
+    """Write ``progress.json``, without an error unless the folder has vanished: no result could be stored."""
     path = folder / "progress.json"
     aside = stamped_file.aside_of(path)
     try:

@@ -153,23 +153,7 @@ class Listed:
 
 
 def listed(folder: str | Path) -> list[Listed]:
-    """Return the runs in a folder, the latest first.
-
-    Parameters
-    ----------
-    folder : path
-        Folder that holds the folders of runs.
-
-    Returns
-    -------
-    list of Listed
-        The runs; empty for a folder without any.
-
-    Raises
-    ------
-    DatasetError
-        If there is no such folder.
-    """
+    """Return the runs in a folder, the latest first."""
     folder = Path(folder)
     if not folder.is_dir():
         raise DatasetError(f"no folder {folder}: roughvol run STUDY makes runs/NAME")

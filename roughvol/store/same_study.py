@@ -17,13 +17,7 @@ UNASKED = (*AXES, *WORDS)  # keys without a line of their own among the differen
 
 
 def check_same_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> None:
-    """Refuse a folder that holds another study, see `another_study`.
-
-    Raises
-    ------
-    FolderError
-        With every difference.
-    """
+    """Refuse a folder that holds another study, with every difference."""
     if message := another_study(folder, study, cases):
         raise FolderError(message)
 

@@ -28,20 +28,7 @@ LARGEST = 1 << 31  # integers below it fit
 
 
 def arrays_of_case(case: Case, values: Mapping[str, ArrayLike]) -> dict[str, Array]:
-    """Return dimensions and values of one case by name.
-
-    Parameters
-    ----------
-    case : Case
-        Gives the leading coordinates (D, m, seed, or the file) and L.
-    values : mapping of name to array
-        Coordinates and variables of the table, without the dimensions of the case.
-
-    Raises
-    ------
-    DatasetError
-        If a name is not in the table, or an array has other dimensions than the table.
-    """
+    """Return dimensions and values of one case by name; refuse names and dimensions that are not in the table."""
     leading: dict[str, Any] = {"case": case.label} if case.file else {"D": case.D, "m": case.m, "seed": case.seed}
     labels: dict[str, Any] = {name: [label] for name, label in leading.items()} | {"L": case.L}
     found: dict[str, Array] = {}
@@ -60,20 +47,7 @@ def arrays_of_case(case: Case, values: Mapping[str, ArrayLike]) -> dict[str, Arr
 
 
 def fits(arrays: Arrays, most: int) -> bool:
-    """Return whether a case may be stored in this form.
-
-    Parameters
-    ----------
-    arrays : mapping
-        Dimensions and values by name.
-    most : int
-        Largest number of bytes.
-
-    Returns
-    -------
-    bool
-        False for too many bytes, for integers of more than 32 bits, and for empty dimensions.
-    """
+    """Return whether a case may be stored in this form: few bytes, integers of 32 bits, no empty dimension."""
     values = [array for _, array in arrays.values()]
     integers = (array for array in values if array.dtype.kind == "i")
     return (
@@ -84,22 +58,7 @@ def fits(arrays: Arrays, most: int) -> bool:
 
 
 def content(arrays: Arrays, coordinates: Collection[str], attributes: Mapping[str, str]) -> bytes:
-    """Return a netCDF-3 file.
-
-    Parameters
-    ----------
-    arrays : mapping
-        Dimensions and values by name, each with a row in the table of variables.
-    coordinates : collection of str
-        Names of coordinates that are no dimensions.
-    attributes : mapping
-        Global attributes.
-
-    Returns
-    -------
-    bytes
-        Content of the file.
-    """
+    """Return the content of a netCDF-3 file; ``coordinates`` are those that are no dimensions."""
     unit, stream = attributes.get("length_unit", "length"), io.BytesIO()
     extra = {name: set(arrays[name][0]) for name in coordinates if name in arrays}
     from scipy.io import netcdf_file  # slow to import, and not needed to read

@@ -70,13 +70,7 @@ def store(path: Path, content: bytes) -> None:
 
 
 def write(path: Path, content: bytes) -> None:
-    """Write a file that is either whole or absent, in a folder that is made if it is absent.
-
-    Raises
-    ------
-    FolderError
-        As for `store`.
-    """
+    """Write a file that is either whole or absent, in a folder that is made if it is absent."""
     try:
         make_folder(path.parent)
     except OSError as error:
@@ -90,13 +84,7 @@ def aside_of(path: Path) -> Path:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder and its parents, safe against a power cut.
-
-    Raises
-    ------
-    OSError
-        If it cannot be made.
-    """
+    """Make a folder and its parents, safe against a power cut."""
     absent = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     for parent in absent:
@@ -164,13 +152,7 @@ def states_of(key: Mapping[str, Any]) -> str:
 
 
 def labels(path: Path) -> Labels:
-    """Return the labels in the stamp of a file without a look at its content.
-
-    Raises
-    ------
-    DatasetError
-        If the file is missing or has no stamp at its end.
-    """
+    """Return the labels in the stamp of a file without a look at its content."""
     try:
         with path.open("rb") as stream:
             size = stream.seek(0, os.SEEK_END)
@@ -183,13 +165,7 @@ def labels(path: Path) -> Labels:
 
 
 def verified(path: Path) -> tuple[bytes, Labels]:
-    """Return the content and the labels of a stamped file, every bit checked.
-
-    Raises
-    ------
-    DatasetError
-        If the file is missing, truncated, altered, or has no stamp.
-    """
+    """Return the content and the labels of a stamped file, every bit checked."""
     return unstamped(_content(path), path)
 
 

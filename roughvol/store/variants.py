@@ -21,22 +21,7 @@ from roughvol.study import AXES, Axis, Study, Variant, loads
 def joined(
     parts: Sequence[tuple[Variant[Study], Dataset]], axes: Sequence[Axis], attributes: Mapping[str, str]
 ) -> Dataset:
-    """Return one dataset of several combinations.
-
-    Parameters
-    ----------
-    parts : sequence of (Variant, Dataset)
-        Combinations with a finished case, each with its collected cases.
-    axes : sequence of Axis
-        The axes of the study.
-    attributes : mapping
-        Provenance of the whole.
-
-    Returns
-    -------
-    Dataset
-        With the axes in front of the dimensions of a surface.
-    """
+    """Return one dataset of several combinations: the axes of the study, then the dimensions of a surface."""
     described: dict[str, dict[str, object]] = {}
     arrays = []
     for variant, part in parts:
@@ -69,23 +54,7 @@ class Part(NamedTuple):
 
 
 def parts_of(results: Dataset) -> list[Part]:
-    """Return the combinations of a stored study, each as the dataset of a study without lists.
-
-    Parameters
-    ----------
-    results : Dataset
-        As `dataset.read` returns it.
-
-    Returns
-    -------
-    list of Part
-        One with the whole dataset and no words for a study without lists.
-
-    Raises
-    ------
-    DatasetError
-        If the study of a dataset with axes cannot be read again.
-    """
+    """Return the combinations of a stored study, each as the dataset of a study without lists."""
     held = [name for name in AXES if name in results.dims]
     if not held:
         return [Part("", {}, results)]
