@@ -51,20 +51,7 @@ def is_flow(name: str) -> bool:
 
 
 def average(name: str, values: ArrayLike) -> Average:
-    """Return the number of several surfaces.
-
-    Parameters
-    ----------
-    name : str
-        Stored name of the quantity.
-    values : array (surfaces,)
-        Values of the surfaces; NaN where a surface has none, 0 for the flow of a closed surface.
-
-    Returns
-    -------
-    Average
-        Value, range, and counts.
-    """
+    """Return the number of several surfaces; a value is NaN where a surface has none, 0 where its flow is closed."""
     all_values = np.atleast_1d(np.asarray(values, dtype=np.float64)).ravel()
     known = all_values[np.isfinite(all_values)]
     if known.size == 0:

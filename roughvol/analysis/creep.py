@@ -201,40 +201,17 @@ def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float])
 
 
 def loads_of_cards(over_time: History) -> list[float]:
-    """Return nominal pressures for leak cards: those of all times, or of a few between the first and the last.
-
-    Parameters
-    ----------
-    over_time : History
-        A seal over time.
-
-    Returns
-    -------
-    list of float
-        Nominal pressures in the unit of the study, rising.
-    """
+    """Return nominal pressures for leak cards, rising: those of all times, or of a few from the first to the last."""
     every = over_time.equivalent
     chosen = every if every.size <= CARDS else every[np.linspace(0, every.size - 1, CARDS).round().astype(int)]
     return sorted({float(f"{load:.5g}") for load in chosen})
 
 
 def with_errors(over_time: History, cards: Mapping[float, Card]) -> History:
-    """Return a history whose intervals have the errors of leak cards.
+    """Return a history whose intervals have the errors of leak cards at nominal pressures from first to last state.
 
     The factors of a card go with the leak at its load; between two loads their logarithms are on a straight line over
-    the logarithm of the load. Where a way is closed at a load, the interval beside it is not known.
-
-    Parameters
-    ----------
-    over_time : History
-        A seal over time.
-    cards : mapping of float to Card
-        Cards at nominal pressures from the first state to the last.
-
-    Returns
-    -------
-    History
-        The same leaks; the ends of an interval are NaN where an error is not known.
+    the logarithm of the load. Where a way is closed at a load, or an error is not known, the interval is not known.
     """
     at, logs, leaks = sorted(cards), np.log(over_time.equivalent), {}
     for axis, leak in over_time.leak.items():
@@ -300,20 +277,7 @@ COUNTS = ("open", "closing")
 
 
 def write_csv(over_time: History, path: Path) -> None:
-    """Write the numbers as comma-separated values.
-
-    Parameters
-    ----------
-    over_time : History
-        A seal over time.
-    path : path
-        The file.
-
-    Raises
-    ------
-    FolderError
-        If it cannot be written.
-    """
+    """Write the numbers as comma-separated values."""
     head = ["time [s]", "J(t)/J(0)", f"p J(t)/J(0) [{over_time.pressure_unit}]", "A*"]
     columns = [over_time.seconds, over_time.ratio, over_time.equivalent, over_time.area]
     for axis, leak in over_time.leak.items():
@@ -332,18 +296,7 @@ def _known(value: float) -> float | None:
 
 
 def table_of(over_time: History) -> Table:
-    """Return a table: one row for each time, with the range over surfaces and their counts where there are several.
-
-    Parameters
-    ----------
-    over_time : History
-        A seal over time.
-
-    Returns
-    -------
-    Table
-        Text.
-    """
+    """Return a table: one row for each time, with the range over surfaces and their counts where there are several."""
     unit, several = over_time.leak_unit, next(iter(over_time.leak.values())).surfaces > 1
     head = ["time", "J/J(0)", f"p J/J(0) [{over_time.pressure_unit}]", "A*"]
     intervals = ["with errors"] if over_time.has_errors else []

@@ -43,15 +43,7 @@ HEAD = ("p*", "quantity", "elastic", "plastic", "elastic over plastic", "surface
 
 
 def hysteresis(group: Dataset, several: str = "") -> Iterator[Table]:
-    """Yield the table of a path: each quantity at equal pressures on the legs up and down.
-
-    Parameters
-    ----------
-    group : Dataset
-        Surfaces along ``seed``.
-    several : str
-        Name of the group in the title, where there are several.
-    """
+    """Yield the table of a path of surfaces along ``seed``: quantities at equal pressures on the legs up and down."""
     if "leg" not in group:
         return
     legs = np.unique(group["leg"].values).tolist()
@@ -71,13 +63,7 @@ def hysteresis(group: Dataset, several: str = "") -> Iterator[Table]:
 
 
 def comparisons(runs: Sequence[Run]) -> Iterator[Comparison]:
-    """Yield every pair of runs that press the same surfaces, one elastically and one with yield, on their first legs.
-
-    Parameters
-    ----------
-    runs : sequence of Run
-        Stored runs.
-    """
+    """Yield every pair of runs that press the same surfaces, elastically and with yield, on their first legs."""
     pressed = [run for run in runs if P in run.dataset and "D" in run.dataset.dims]
     for plastic in (run for run in pressed if "plastic_volume" in run.dataset):
         for elastic in (run for run in pressed if "plastic_volume" not in run.dataset):

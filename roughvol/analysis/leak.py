@@ -77,20 +77,9 @@ def _named_dry(variable: DataArray) -> DataArray:
 
 
 def recorded(group: Dataset, label: str) -> dict[str, Array]:
-    """Return the flows of each surface at a recorded state, by the names of `counted`; empty without one.
+    """Return the flows (surfaces, axes) at a recorded state, by the names of `counted`; empty without one.
 
-    Parameters
-    ----------
-    group : Dataset
-        Surfaces along ``seed``.
-    label : str
-        Label of the state, as ``pressure=0.5 MPa``.
-
-    Returns
-    -------
-    dict of array (surfaces, axes)
-        Flows of the states of ``flux_at``, named dry under fluid pressure, and those of the lifted gap; NaN where the
-        state was not reached.
+    Flows of ``flux_at`` are named dry under fluid pressure. A flow is NaN where the state was not reached.
     """
     found: dict[str, DataArray] = {}
     if "flux_at" in group.dims and label in group["flux_at"].values.tolist():
@@ -124,18 +113,7 @@ def _at_steps(ds: Dataset, name: str) -> DataArray:
 
 
 def is_open(flow: DataArray) -> DataArray:
-    """Return 1 where something flows or a gap is open, 0 where nothing is, missing where the number is.
-
-    Parameters
-    ----------
-    flow : DataArray
-        Flow, opening, or percolation along each axis.
-
-    Returns
-    -------
-    DataArray
-        The number ``open``.
-    """
+    """Return 1 where something flows or a gap is open, 0 where nothing is, missing where the number is."""
     found = (flow > 0.0).astype(float).where(flow.notnull())
     return found.assign_attrs(units="1", symbol=QUANTITIES["open"].symbol)
 
@@ -156,17 +134,9 @@ def ways(group: Dataset) -> str:
 
 
 def closed(group: Dataset) -> Array:
-    """Return which surfaces have no way along an axis at their last solved state, so that none is open beyond.
+    """Return which surfaces (surfaces, axes) have no way along an axis at their last solved state: none is open beyond.
 
-    Parameters
-    ----------
-    group : Dataset
-        Surfaces along ``seed`` and states along ``step`` of one leg.
-
-    Returns
-    -------
-    array of bool (surfaces, axes)
-        True where the last state is closed; False where it is open or not known, and where the leg unloads.
+    False where the last state is open or not known, and where the leg unloads.
     """
     found = np.zeros((group.sizes["seed"], len(AXES)), dtype=bool)
     if not (name := ways(group)):

@@ -146,17 +146,9 @@ class Curve:
         return Reading(value, low, high)
 
     def load_where(self, log_wanted: Callable[[Array], Array]) -> LoadReading:
-        """Return the nominal pressure from which the leak is at most a value.
+        """Return the nominal pressure from which the leak is at most a value, or at a closing the first closed step.
 
-        Parameters
-        ----------
-        log_wanted : function
-            log of the value at logarithms of nominal pressures; it does not fall.
-
-        Returns
-        -------
-        LoadReading
-            The load and the interval of the reading. At a closing: the first closed step, and the last open one.
+        ``log_wanted`` returns the log of the value at logarithms of nominal pressures; it does not fall.
         """
         x, y = self._logs
         above = np.flatnonzero(y > log_wanted(x) + REACHED)  # a step that misses the value by less has it
@@ -221,18 +213,7 @@ class Curve:
 
 
 def axes(run: Dataset) -> tuple[str, ...]:
-    """Return the axes along which a run leaks: that of the seal of its study, or both.
-
-    Parameters
-    ----------
-    run : Dataset
-        A study.
-
-    Returns
-    -------
-    tuple of str
-        x, y, or both.
-    """
+    """Return the axes along which a run leaks: that of the seal of its study, or both."""
     patch = patch_of(run)
     return AXES if patch is None else (patch.seal.flow,)
 
@@ -249,14 +230,7 @@ def patch_of(run: Dataset) -> Patch | None:
 def closings(run: Dataset, axis: str, load: str) -> list[tuple[str, Span, Dataset]]:
     """Return where the last way of each surface closes, and the surface; of a seal, where the seal closes.
 
-    Parameters
-    ----------
-    run : Dataset
-        A study of surfaces of one kind, with the ways of `derived.derived`.
-    axis : str
-        x or y.
-    load : str
-        Variable of the load.
+    The run has surfaces of one kind with the ways of `derived.derived`; the load is a variable of it.
     """
     found = [[(name, one, spans(one.expand_dims("seed"), way, load)) for name, one in surfaces(run)] for way in AXES]
     own = [(name, span, one) for name, one, some in found[AXES.index(axis)] for span in some]
@@ -274,20 +248,7 @@ def closings(run: Dataset, axis: str, load: str) -> list[tuple[str, Span, Datase
 
 
 def curves(run: Dataset, axis: str) -> list[Curve]:
-    """Return the leak of each surface along the first leg, at the steps with a leak; of a seal, that of the seal.
-
-    Parameters
-    ----------
-    run : Dataset
-        A study of surfaces of one kind, with leak rates.
-    axis : str
-        x or y.
-
-    Returns
-    -------
-    list of Curve
-        Surfaces in the order of the study, without those that have no stored step.
-    """
+    """Return the leak of each surface along the first leg, at the steps with a leak; of a seal, that of the seal."""
     patch = patch_of(run)
     return [_of_seal(run, patch)] if patch is not None else _of_surfaces(run, axis)
 

@@ -68,20 +68,7 @@ class Errors:
 
 
 def errors_of(card: Card, axis: str) -> Errors:
-    """Return the errors of a card along an axis, of a study with a seal those of the seal.
-
-    Parameters
-    ----------
-    card : Card
-        A leak card.
-    axis : str
-        x or y.
-
-    Returns
-    -------
-    Errors
-        As factors.
-    """
+    """Return the errors of a card along an axis, of a study with a seal those of the seal."""
     if card.seal is not None:
         seal = card.seal
         solved = (Span(seal.closing, seal.closing),) if math.isfinite(seal.closing) else ()
@@ -230,28 +217,9 @@ def _load_with_errors(curve: Curve, log_wanted: Callable[[Array], Array], errors
 def ask_closed(
     run: Dataset, unknown: str, *, pressure: float | None = None, errors: Mapping[str, Errors] | None = None
 ) -> list[Answer]:
-    """Return where the last way of any surface closes, along x and y: between two steps.
+    """Return where the last way of any surface closes, along x and y: between two steps; arguments as for `ask`.
 
-    Parameters
-    ----------
-    run : Dataset
-        A study that follows its ways along its steps.
-    unknown : {"pressure", "modulus", "Sq"}
-        Quantity to find. Without units the pressure is p*.
-    pressure : float, optional
-        Nominal pressure in the unit of the study, for modulus and Sq.
-    errors : mapping, optional
-        Closing loads and errors of cards by axis, which the answers have.
-
-    Returns
-    -------
-    list of Answer
-        One for each axis; its value is that of the first closed step.
-
-    Raises
-    ------
-    StudyError
-        As for `ask`, or if the run does not follow its ways.
+    The value is that of the first closed step. Without units the pressure is p*.
     """
     check(run, leaks=False)
     _check_unknown(run, unknown, pressure)
@@ -317,25 +285,9 @@ def of_gas(run: Dataset, unknown: str) -> tuple[Dataset, float]:
 
 
 def nominal_of(run: Dataset, level: Level) -> float:
-    """Return the nominal pressure of a load in the unit of the study.
+    """Return the nominal pressure of a load in the unit of the study: of a pressure, a load, or ``last`` of leg 1.
 
-    Parameters
-    ----------
-    run : Dataset
-        A study with ``nominal_pressure``.
-    level : Level
-        As `study.parse` returns it: a pressure, a load, or ``last`` of leg 1.
-
-    Returns
-    -------
-    float
-        Nominal pressure.
-
-    Raises
-    ------
-    StudyError
-        If the level is another kind of state, lies on another leg than the first, or is another nominal pressure on
-        each surface.
+    Refused are other states and legs, and a load that is another nominal pressure on each surface.
     """
     if level.leg not in (None, 1) or (level.kind == "last" and level.leg is None and path_words(run)):
         refuse(f"{level.label}: read-offs are from leg 1, the first loading; allowed: loads there, as 'last, leg 1'")
@@ -382,19 +334,9 @@ def seal_words(run: Dataset) -> str:
 
 
 def narrower(run: Dataset, answers: Sequence[Answer]) -> list[str]:
-    """Return the changes of the study that solve states around the answers, as ``--set`` takes them.
+    """Return the changes of the study, a name and a sweep, that solve states around the answers; for ``--set``.
 
-    Parameters
-    ----------
-    run : Dataset
-        A study.
-    answers : sequence of Answer
-        Its read-offs.
-
-    Returns
-    -------
-    list of str
-        A name and a sweep; empty without an answer within the stored loads, or if the study does not take them.
+    Empty without an answer within the stored loads, or if the study does not take them.
     """
     nominal = [answer.nominal for answer in answers if answer.found]
     unit = str(run["nominal_pressure"].attrs["units"]) if "nominal_pressure" in run else ""
@@ -422,20 +364,7 @@ def parts_of(answer: Answer) -> tuple[Part, ...]:
 
 
 def record(answer: Answer, unknown: str) -> dict[str, Any]:
-    """Return an answer as plain data; None where a number is not known or infinite.
-
-    Parameters
-    ----------
-    answer : Answer
-        A read-off.
-    unknown : str
-        Quantity of the answer.
-
-    Returns
-    -------
-    dict
-        Axis, value, interval, unit, the number of surfaces, the leakiest of them, and the load p₀.
-    """
+    """Return an answer as plain data; None where a number is not known or infinite."""
     nominal = answer.nominal
     found = {
         "axis": answer.axis,

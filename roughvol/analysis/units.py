@@ -12,19 +12,9 @@ PLAIN = ("", "1")  # units of pure numbers
 
 
 def in_units(ds: Dataset, units: MutableMapping[str, str]) -> Dataset:
-    """Return a dataset with its variables in given units.
+    """Return a dataset with its variables in given units; a variable whose unit cannot be converted is unchanged.
 
-    Parameters
-    ----------
-    ds : Dataset
-        Numbers with units.
-    units : mapping
-        Unit of each variable. That of a variable without one is added, so that later datasets follow.
-
-    Returns
-    -------
-    Dataset
-        The same; a variable whose unit cannot be converted is unchanged.
+    The unit of a variable without one is added to ``units``, so that later datasets follow.
     """
     changed = {}
     for name, variable in ds.data_vars.items():

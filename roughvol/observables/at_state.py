@@ -87,18 +87,5 @@ def error_of_fewer_steps(state: ArrayLike, quantity: ArrayLike, value: float, ev
 
 
 def kept_steps(steps: int, every: int) -> Array:
-    """Return the indices of every k-th step, counted from the last one, and of the first step.
-
-    Parameters
-    ----------
-    steps : int
-        Number of steps, ≥ 1.
-    every : int
-        k ≥ 1.
-
-    Returns
-    -------
-    array of int
-        Rising indices.
-    """
+    """Return the indices of every k-th step, counted from the last one, and of the first step."""
     return np.unique(np.append(np.arange(steps - 1, -1, -every), 0))

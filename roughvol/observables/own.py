@@ -84,13 +84,7 @@ def labels(case: Case, surface: Surface) -> Values:
 
 
 def register(record: Record) -> None:
-    """Put the rows of the quantities of a study into the table of variables.
-
-    Raises
-    ------
-    StudyError
-        If a function cannot be imported, or a name is one of a stored variable.
-    """
+    """Put the rows of the quantities of a study into the table of variables; refuse failed imports and stored names."""
     for name, quantity in _of(record).items():
         try:
             row, coordinates = _row(name, quantity), _coordinates(quantity)

@@ -79,20 +79,10 @@ def interfacial_stiffness(pressure: ArrayLike, separation: ArrayLike) -> Array:
 
 
 def without_every_second(pressure: ArrayLike, separation: ArrayLike) -> Array:
-    """Return K at each state from every second state around it.
+    """Return K at each state from every second state around it; NaN where fewer than three states are left.
 
     The difference from `interfacial_stiffness` measures the error by the steps. For differences of second order it is
     about three times the error.
-
-    Parameters
-    ----------
-    pressure, separation : array_like, shape (..., steps)
-        As in `interfacial_stiffness`.
-
-    Returns
-    -------
-    ndarray, shape (..., steps)
-        Stiffness; NaN where fewer than three states are left.
     """
     p, d = np.asarray(pressure, dtype=np.float64), np.asarray(separation, dtype=np.float64)
     stiffness = np.full(p.shape, np.nan)
@@ -104,45 +94,14 @@ def without_every_second(pressure: ArrayLike, separation: ArrayLike) -> Array:
 
 
 def harmonic_conductivity(first: float, second: float) -> float:
-    """Return k_s = 2 k₁ k₂/(k₁ + k₂).
-
-    Parameters
-    ----------
-    first, second : float
-        Conductivities of the two bodies, > 0, in one unit.
-
-    Returns
-    -------
-    float
-        k_s in that unit.
-
-    Raises
-    ------
-    ContactError
-        If one is not positive.
-    """
+    """Return k_s = 2 k₁ k₂/(k₁ + k₂) of the conductivities of two bodies, in their unit."""
     if not (first > 0.0 and second > 0.0):
         raise ContactError(f"conductivities are {first:g} and {second:g}; allowed: > 0")
     return 2.0 * first * second / (first + second)
 
 
 def contact_conductance(stiffness: ArrayLike, conductivity: float, length: float) -> Array:
-    """Return the conductance per nominal area, h = (K L/E*) k_s/L, equation (1).
-
-    Parameters
-    ----------
-    stiffness : array
-        K L/E* [1].
-    conductivity : float
-        k_s, see `harmonic_conductivity`.
-    length : float
-        L in the length of the conductivity.
-
-    Returns
-    -------
-    array
-        h, conductivity over length.
-    """
+    """Return the conductance per nominal area, h = (K L/E*) k_s/L, equation (1), from K L/E*, k_s and L."""
     conductance: Array = np.asarray(stiffness, dtype=np.float64) * (conductivity / length)
     return conductance
 
@@ -150,15 +109,7 @@ def contact_conductance(stiffness: ArrayLike, conductivity: float, length: float
 def stiffness_exponent(pressure: ArrayLike, stiffness: ArrayLike) -> float:
     """Return α of K ~ p^α, the slope of the straight line through the logarithms of all states.
 
-    Parameters
-    ----------
-    pressure, stiffness : array, shape (steps,)
-        p and K in any units; states where one is not finite or not positive are left out.
-
-    Returns
-    -------
-    float
-        α; NaN with fewer than four states.
+    States where p or K is not finite or not positive are left out; NaN with fewer than four states.
     """
     p, k = np.asarray(pressure, dtype=np.float64).ravel(), np.asarray(stiffness, dtype=np.float64).ravel()
     held = np.isfinite(p) & np.isfinite(k) & (p > 0.0) & (k > 0.0)
