@@ -98,10 +98,16 @@ def steps(surface, count):
     return tuple(surface.peak * np.arange(1, count + 1) / count)
 
 
+@lru_cache
+def factorised(D, kernel):
+    """Return a surface and its sweep by factorisations alone."""
+    surface = fractal(6, D, 5)
+    return surface, tuple(swept(surface, steps(surface, 4), kernel, tuning=Tuning(dense_up_to=10**6)))
+
+
 @pytest.mark.parametrize(("kind", "D", "kernel"), CELLS)
 def test_sweep_does_not_depend_on_the_constants(kind, D, kernel):
-    surface = fractal(6, D, 5)
-    exact = swept(surface, steps(surface, 4), kernel, tuning=Tuning(dense_up_to=10**6))  # factorisations alone
+    surface, exact = factorised(D, kernel)
     iterated = Tuning(dense_up_to=0, **KINDS[kind])
     for one, other in zip(swept(surface, steps(surface, 4), kernel, rtol=1e-9, tuning=iterated), exact, strict=True):
         assert one.residual <= 1e-9
