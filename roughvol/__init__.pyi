@@ -2,6 +2,7 @@ from . import analysis as analysis
 from . import campaign as campaign
 from . import contact as contact
 from . import errors as errors
+from . import plotting as plotting
 from . import store as store
 from . import study as study
 from . import surfaces as surfaces

@@ -69,6 +69,21 @@ def test_the_page_has_every_function_of_the_package() -> None:
     assert {name for name in public if f".. autofunction:: roughvol.{name}\n" not in text} == set()
 
 
+def test_the_records_of_the_page_have_the_attributes_that_it_names() -> None:
+    rows = re.findall(
+        r"^\| (.*?) ?\| `([a-z_.]+\.[A-Z]\w+)` \| (.*) \|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    functions = set()
+    for function, path, names in rows:
+        module, _, name = f"roughvol.{path}".rpartition(".")
+        record = getattr(importlib.import_module(module), name)
+        held = {*dir(record), *record.__annotations__}
+        assert set(re.findall(r"`(\w+)`", names)) <= held, path
+        functions |= set(re.findall(r"`(\w+)`", function))
+    assert functions < set(roughvol.__all__)
+    assert len(rows) > 12
+
+
 def test_a_function_without_its_sections_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     validate = pytest.importorskip("numpydoc.validate", reason="needs roughvol[dev]")
     monkeypatch.setattr(PUBLIC["roughvol.study.reading.load"], "__doc__", "Read a study file.")
