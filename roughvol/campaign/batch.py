@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import platform
 import time
 from collections import Counter
@@ -159,13 +160,13 @@ class Forecast:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._works, self._steps, self._clock = works, steps, clock
-        self._all = sum(works.values()) + later
+        self._all = math.fsum(works.values()) + later
         self._done: dict[str, float] = {}
         self._started = clock()
 
     def reached(self, id: str, step: int) -> None:
         """Note the finished steps of a case at work."""
-        self._done[id] = self._works[id] * step / max(self._steps[id], 1)
+        self._done[id] = self._works[id] * (step / max(self._steps[id], 1))  # the last step is all, to the bit
 
     def ended(self, id: str) -> None:
         """Note that a case has ended."""
@@ -174,7 +175,7 @@ class Forecast:
     @property
     def share(self) -> float:
         """Share of the work that is done, 0 to 1."""
-        return sum(self._done.values()) / self._all if self._all > 0.0 else 1.0
+        return math.fsum(self._done.values()) / self._all if self._all > 0.0 else 1.0
 
     def left(self) -> float | None:
         """Return the seconds until the end of the run; None before any work is done."""

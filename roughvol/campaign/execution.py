@@ -84,7 +84,7 @@ def run(
             return collection.of_run(folder, cases, study, stopping, again=bool(changed))
         alone = len(study.cases()) == 1
         try:
-            Batch(folder, study.stored(), missing, begin.kept, control, surface=surface, alone=alone).compute()
+            Batch(folder, study.of_each_case(), missing, begin.kept, control, surface=surface, alone=alone).compute()
         except CampaignError:
             for sentence in interpretation.doubts(
                 study, surface

@@ -81,7 +81,7 @@ class Rounds:
         kept = len(self._cases) + len(by_id) - len(missing)
         self._kept += len(by_id) - len(missing)
         if missing:
-            Batch(self._folder, self._study.stored(), missing, kept, self._control, later=later).compute()
+            Batch(self._folder, self._study.of_each_case(), missing, kept, self._control, later=later).compute()
         else:
             self._report(Progress(cases=kept, kept=kept, work=1.0))
         found = collection.complete(self._folder, by_id, self._control.stopping)

@@ -243,7 +243,18 @@ class Study(StudyFile):
 
         ``loads(text, stored=True)`` reads it without the height files.
         """
-        return write(self.model_dump(mode="json", context={"stored": True}))
+        return write(self._stored())
+
+    def of_each_case(self) -> str:
+        """Return `stored` with a number of seeds in place of 0, 1, 2 …: thousands of case files hold this text."""
+        data = self._stored()
+        seeds = data["surface"].get("seeds")
+        if seeds and seeds == list(range(len(seeds))):
+            data["surface"]["seeds"] = len(seeds)
+        return write(data)
+
+    def _stored(self) -> dict[str, Any]:
+        return self.model_dump(mode="json", context={"stored": True})
 
 
 def _need_length(sweep: Sweep | Legs, record: Record, file: str) -> None:

@@ -1,7 +1,7 @@
 """What a case costs on disk in other layouts (store-decision.md): `python -m tests.bench.store`.
 
-One case of m = 3 with 4 steps is computed. The others are copies of it with their own D, seed and stamp. Times are per
-case. They depend on the disk and on the load.
+One case of m = 3 with 4 steps is computed. The others are copies of it with their own D, seed and stamp. Times are
+medians over the cases. They depend on the disk.
 """
 
 from __future__ import annotations
@@ -39,11 +39,13 @@ def parts(study: Study) -> Iterator[Dataset]:
 
 
 def milliseconds(action: Callable[[int], object], count: int) -> float:
-    """Return the mean time of an action by the clock [ms]."""
-    began = time.perf_counter()
+    """Return the median time of an action by the clock [ms]: other work on the machine lengthens a few."""
+    times = []
     for k in range(count):
+        began = time.perf_counter()
         action(k)
-    return 1e3 * (time.perf_counter() - began) / count
+        times.append(time.perf_counter() - began)
+    return 1e3 * float(np.median(times))
 
 
 def as_netcdf4(part: Dataset) -> bytes:

@@ -651,3 +651,12 @@ def test_a_stored_study_goes_without_its_files_and_names_no_folder(tmp_path: Pat
     assert again.surface.against is not None
     assert (again.surface.file, again.surface.against.file) == ("./a.npy", "b.npy")
     assert again.stored() == study.stored()
+
+
+@pytest.mark.parametrize("seeds", ["3", "[0, 1, 2]", "[2, 1]", "[0]", "2500"])
+@pytest.mark.parametrize("material", ["{E_star: 1}", "[{E_star: 1}, {E_star: 2}]"])
+def test_the_text_in_the_files_of_cases_is_the_study_and_short(seeds: str, material: str) -> None:
+    study = loads(f"name: s\nsurface: {{D: [2.2, 2.5], m: 3, seeds: {seeds}}}\nmaterial: {material}")
+    text = study.of_each_case()
+    assert loads(text, stored=True).stored() == study.stored()
+    assert len(text) < 2000
