@@ -14,10 +14,10 @@ LITERATURE := wave_love wave_fourier wave_punch two_codes area load closing stif
               mirco_sup2 mirco_supN6 mirco_sup5 mirco_sup7 challenge
 
 .DEFAULT_GOAL := setup
-.PHONY: help setup reproduce seal literature test bench bench-peers validation windows tradeoff intervals extremes pages reference public crossing docs coverage test-slow lint smoke clean
+.PHONY: help setup reproduce seal literature test bench bench-peers validation windows tradeoff intervals extremes publish-check pages reference public crossing docs coverage test-slow lint smoke clean
 
 help:  ## show this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
 
 setup: $(STAMP)  ## install the package and all tools into .venv
 
@@ -87,6 +87,11 @@ extremes: setup  ## press the extremes of every input, to docs/explanation/notes
 # Hours of one core if all are old. COMMANDS='"make bench"' runs one of them.
 pages: setup  ## run the commands of measured tables of an older minor version, and put their tables in place
 	@$(BIN)/python -m tests.bench.tables $(COMMANDS)
+
+# Interpreters of this machine, as paths or names: make publish-check PYTHONS="python3.11 python3.13"
+PYTHONS ?= $(PYTHON)
+publish-check: setup  ## build and check sdist and wheel; install and run them with the lowest and the newest libraries
+	@$(BIN)/python -m tests.publish --python $(PYTHONS) --page
 
 reference: setup  ## write docs/reference/keys-and-variables.md: all keys of a study and all stored variables
 	@$(BIN)/python docs/keys_and_variables.py

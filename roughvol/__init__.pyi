@@ -23,5 +23,6 @@ from .questions import runs as runs
 from .questions import show as show
 from .questions import status as status
 from .questions import tradeoff as tradeoff
+from .store.licences import licences as licences
 from .store.run import open as open
 from .study.reading import load as load

@@ -51,6 +51,7 @@ ASKED = {  # words of each command with --json, behind its name
     "check": ["seal.yaml"],
     "compare": ["seal", "other"],
     "creep": ["seal", "--law", "law.yaml", "--at", "pressure=0.05 MPa", "--times", "1 s"],
+    "licences": [],
     "ls": [],
     "report": ["seal"],
     "run": ["seal.yaml"],
@@ -60,6 +61,7 @@ ASKED = {  # words of each command with --json, behind its name
 }
 IN_WORDS = {  # parts of answers whose keys are words, or those of a study
     "check: study",
+    "licences: rows[].parts",
     "report: claims[].refused",
     "report: counts",
     "report: runs[].libraries",

@@ -2,37 +2,49 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
+import tarfile
+import tomllib
 import zipfile
 from email import message_from_bytes
 from pathlib import Path
 
 import pytest
+import yaml
 
 import roughvol
+from tests.publish import LIBRARIES
 
 ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+CHANGES = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A wheel that is built from the sdist."""
     backend = pytest.importorskip("hatchling.build", reason="needs roughvol[dev]")
     pytest.importorskip("hatch_fancy_pypi_readme", reason="needs roughvol[dev]")
     place = tmp_path_factory.mktemp("dist")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(ROOT)
+        sdist = place / backend.build_sdist(str(place))
+        with tarfile.open(sdist) as held:
+            held.extractall(place, filter="data")
+        patch.chdir(place / sdist.name.removesuffix(".tar.gz"))
         return place / backend.build_wheel(str(place))
 
 
 def test_the_wheel_holds_the_package_its_types_and_its_command(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as held:
         names = set(held.namelist())
-    modules = {path.relative_to(ROOT).as_posix() for path in (ROOT / "roughvol").rglob("*.py")}
-    examples = {path.relative_to(ROOT).as_posix() for path in (ROOT / "roughvol" / "examples").iterdir()}
-    assert examples
-    assert modules | examples | {"roughvol/py.typed", "roughvol/report/report.css"} <= names
+    stored = {path.relative_to(ROOT).as_posix() for path in (ROOT / "roughvol").rglob("*.*") if path.is_file()}
+    stored = {name for name in stored if not name.endswith(".pyc")}
+    assert {Path(name).suffix for name in stored} == {".py", ".pyi", ".typed", ".toml", ".css", ".yaml", ".mplstyle"}
+    assert stored <= names
     assert not [name for name in names if not name.startswith(("roughvol/", "roughvol-"))]
 
 
@@ -56,6 +68,34 @@ def test_every_picture_and_page_that_the_readme_refers_to_is_in_the_repository()
     targets = [target for target in re.findall(r"\]\(([^)\s]+)\)", text) if not target.startswith(("https:", "#"))]
     assert targets
     assert [target for target in targets if not (ROOT / target).exists()] == []
+
+
+def test_the_citation_agrees_with_the_package() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert citation["version"] == roughvol.__version__
+    assert (citation["license"], citation["keywords"]) == (PROJECT["license"], PROJECT["keywords"])
+    assert f"\n## {citation['version']} ({citation['date-released']})\n" in CHANGES
+
+
+def test_the_build_of_the_site_elsewhere_is_that_of_make_docs() -> None:
+    steps = yaml.safe_load((ROOT / ".readthedocs.yaml").read_text(encoding="utf-8"))
+    assert steps["sphinx"] == {"configuration": "docs/conf.py", "builder": "html", "fail_on_warning": True}
+    assert steps["python"]["install"] == [{"method": "pip", "path": ".", "extra_requirements": ["docs"]}]
+    assert f"Programming Language :: Python :: {steps['build']['tools']['python']}" in PROJECT["classifiers"]
+    assert "sphinx --quiet -b html -W" in (ROOT / "Makefile").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("libraries", LIBRARIES)
+def test_the_sdist_and_its_wheel_install_and_run(libraries: str, tmp_path: Path) -> None:
+    kept = tmp_path / "rows.json"
+    words = ("-m", "tests.publish", "--libraries", libraries, "--json", str(kept))
+    done = subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    (row,) = json.loads(kept.read_text(encoding="utf-8"))
+    assert row["versions"]["roughvol"] == roughvol.__version__
+    assert re.match(r"\d+ passed", row["tests"])
 
 
 def test_python_m_roughvol_is_the_command() -> None:

@@ -29,7 +29,7 @@ from roughvol.errors import (
 
 FAILED, BAD_INPUT = 1, 2
 BY_SIGNAL = 128  # plus the number of the signal: 130 by Ctrl-C, 143 by SIGTERM, 129 by SIGHUP
-LIGHT = ("schema", "status", "ls", "init", "explain")  # commands that import no library for computations
+LIGHT = ("schema", "status", "ls", "init", "explain", "licences")  # commands that import no library for computations
 CURABLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENAMETOOLONG)
 TOO_MANY_FILES = os.strerror(errno.EMFILE)
 GROUPS = {
@@ -57,6 +57,7 @@ GROUPS = {
     "For developers": {
         "tradeoff": "Measure the error of an answer against its cost.",
         "schema": "Print the JSON schema of study files.",
+        "licences": "List the licences of roughvol and of its libraries.",
     },
 }
 """Commands by group, in the order of use; the module of a command has its name."""

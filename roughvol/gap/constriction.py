@@ -99,7 +99,7 @@ def _last_of_the_widest_way(labels: NDArray[np.integer], between: Index, axis: i
     place of its narrower end.
     """
     shape, clusters = labels.shape, int(labels.max())
-    node = labels.astype(np.int64)
+    node = labels.astype(np.int32)  # graphs of scipy before 1.17 have no larger ones
     node.ravel()[between] = np.arange(between.size) + clusters + 1
     inlet, outlet = 0, clusters + between.size + 1
     place = np.concatenate([np.full(clusters + 1, -1), np.arange(between.size), [-1]])
@@ -115,7 +115,7 @@ def _last_of_the_widest_way(labels: NDArray[np.integer], between: Index, axis: i
         heads.append(node[*there[:, inside]])
     for side, line in ((inlet, node.take(0, axis)), (outlet, node.take(-1, axis))):
         heads.append(line)
-        tails.append(np.full(line.size, side))
+        tails.append(np.full(line.size, side, dtype=np.int32))
     tail, head = np.concatenate(tails), np.concatenate(heads)
     open_joint = head > 0  # no closed element
     ends = np.sort([tail[open_joint], head[open_joint]], axis=0)

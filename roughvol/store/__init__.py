@@ -16,6 +16,7 @@ Room of the store. It computes nothing.
 `lock`                 one process at a time in a folder
 `same_study`           whether a folder holds the results of a study
 `run_status`           finished, missing, failed and damaged cases; all runs of a folder: size, state, age
+`licences`             licences of the installed packages, and of libraries that their wheels bundle
 `sample_plan`          planned samples of an ensemble
 `checkpoint`           the finished steps of a long sweep
 `stamped_file`         files that are whole or absent, with a checksum

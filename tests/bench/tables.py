@@ -21,7 +21,7 @@ from roughvol import __version__
 
 ROOT = Path(__file__).parents[2]
 MARK = re.compile(r"<!-- made by: (.+), roughvol (\d+\.\d+\.\d+) -->\n\n?")
-WHOLE = ("make extremes", "make tradeoff")
+WHOLE = ("make extremes", "make publish-check", "make tradeoff")
 TABLE = re.compile(r"(?:^\|.*\n)+", re.MULTILINE)
 
 
