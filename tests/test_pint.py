@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -175,6 +176,20 @@ def test_changes_are_texts_or_a_mapping(units: Any) -> None:
         "material.E=2 MPa",
         "surface.D=[2.2, 2.3]",
     )
-    study = {"surface": {"D": 2.3, "m": 3, "seeds": 1}}
+    study = {"name": "changed", "surface": {"D": 2.3, "m": 3, "seeds": 1}, "sweep": {"steps": 2}}
     for given in (study, of_data(study)):
         assert roughvol.check(given, jobs=1, changes={"surface.m": 4}).surface.shape == (17, 17)  # type: ignore[union-attr]
+
+
+def test_a_run_of_changes_opens_by_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("tiny.yaml").write_text("surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 2}", encoding="utf-8")
+    changes = {"surface.m": 4, "name": "finer"}
+    ds = roughvol.run("tiny.yaml", jobs=1, changes=changes)
+    assert ds["m"].values.tolist() == [4]
+    xr.testing.assert_equal(roughvol.open("tiny.yaml", changes=changes), ds)
+    xr.testing.assert_equal(
+        roughvol.run(loads("surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 2}"), jobs=1, changes=changes), ds
+    )
+    with pytest.raises(DatasetError, match="no results"):
+        roughvol.open("tiny.yaml")

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pint
 import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose
@@ -73,6 +74,24 @@ def test_the_forms_of_a_law(tmp_path: Path) -> None:
     assert_allclose([moduli.ratio(time, MATERIAL) for time in (1.0, 3600.0)], [1.0, 2.0])
     with pytest.raises(StudyError, match="ends at 1 s and 1 h"):
         moduli.ratio(3601.0, MATERIAL)
+
+
+def test_a_law_of_python_is_that_of_its_file_and_names_its_argument(tmp_path: Path) -> None:
+    minute = pint.UnitRegistry().Quantity(1.0, "min")
+    assert load_creep({"power": {"exponent": 0.2, "time": minute}}) == _law(
+        "power: {exponent: 0.2, time: 1 min}", tmp_path
+    )
+    assert_allclose(read_times([1, "1 min", minute * 2]), [1, 60, 120])
+    assert_allclose(read_times(np.array([1.0, 60.0])), [1, 60])
+    for law, words in (
+        (
+            {"power": {"exponent": 0.2, "time": "1 m"}},
+            r'creep: argument law\["power"\]\["time"\]: .m. is a unit of length',
+        ),
+        ({"powr": {}}, r'creep: argument law\["powr"\]: unknown key'),
+    ):
+        with pytest.raises(StudyError, match=words):
+            load_creep(law)
 
 
 @pytest.mark.parametrize(
