@@ -19,45 +19,66 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from roughvol import cli, study
+from roughvol import __version__, cli, study
 from roughvol.campaign import one_case
 from roughvol.store import dataset, run_folder, stamped_file
 from roughvol.store.dataset import Dataset
-from tests.bench import solver
+from tests.bench import solver, tables
 from tests.extremes.__main__ import HEAD, TAIL
 from tests.extremes.matrix import CELLS
 
 ROOT = Path(__file__).parents[1]
-MARK = re.compile(r"<!-- made by: make ([\w-]+), roughvol (\d+\.\d+\.\d+) -->")
+MINOR = tables.minor(__version__)
 DOCS = [path.relative_to(ROOT).as_posix() for path in sorted(ROOT.glob("docs/**/*.md"))]
 PROSE = ["README.md", "CONTRIBUTING.md", *DOCS]
 NOTES = "docs/explanation/notes"
-PAGES = {"docs/explanation/performance.md": 3, f"{NOTES}/extremes.md": 1, f"{NOTES}/tradeoff.md": 1}
+PAGES = {
+    "docs/explanation/performance.md",
+    *(f"{NOTES}/{name}.md" for name in ("extremes", "tradeoff", "sides", "store-decision")),
+}
 
 
 def _text(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(("page", "count"), PAGES.items())
-def test_measured_tables_name_a_command_and_a_version_that_exist(page: str, count: int) -> None:
-    marks = MARK.findall(_text(page))
-    assert len(marks) == count
-    for command, version in marks:
-        assert re.search(rf"^{command}:", _text("Makefile"), re.MULTILINE)
-        assert f"\n## {version} (" in _text("CHANGELOG.md")
-        assert f"`make {command}`" in _text(page)
+@pytest.mark.xfail(reason="tables of seconds wait for a machine without other work: make pages")
+def test_no_measured_table_is_of_an_older_minor_version() -> None:
+    found = list(tables.marks())
+    assert {page.relative_to(ROOT).as_posix() for page, _ in found} >= PAGES
+    assert [f"{page.name}: {mark[0].strip()}" for page, mark in found if tables.minor(mark[2]) != MINOR] == []
 
 
-def test_versions_that_the_page_of_performance_names_are_those_of_its_marks() -> None:
-    text = _text("docs/explanation/performance.md")
-    marked = {version for _, version in MARK.findall(text)}
-    assert set(re.findall(r"roughvol (\d+\.\d+\.\d+)", MARK.sub("", text))) <= marked
-    assert "with roughvol " + MARK.findall(text)[-1][1] in text  # the peers were measured by an older one
+def test_measured_tables_name_a_command_that_exists_and_a_table_follows() -> None:
+    for page, mark in tables.marks():
+        words = mark[1].split()
+        if words[0] == "make":
+            assert re.search(rf"^{words[1]}:", _text("Makefile"), re.MULTILINE)
+        else:
+            assert words[:2] == ["python", "-m"]
+            assert (ROOT / f"{words[2].replace('.', '/')}.py").is_file()
+        text = page.read_text(encoding="utf-8")
+        assert f"`{mark[1]}`" in text
+        assert mark[1] in tables.WHOLE or tables.TABLE.match(text, mark.end()), mark[0]
+
+
+def test_a_table_is_replaced_with_the_version_that_made_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page, one = tmp_path / "docs" / "page.md", "| a |\n|---|\n| {} |\n"
+    page.parent.mkdir()
+    old = "<!-- made by: make it, roughvol 0.1.2 -->\n\n"
+    page.write_text(f"A.\n\n{old}{one.format(1)}\nB.\n\n{old}{one.format(2)}\nC.\n")
+    monkeypatch.setattr(tables, "ROOT", tmp_path)
+    assert tables.old() == ["make it"]
+    with pytest.raises(SystemExit, match="prints 1 tables for 2 marks"):
+        tables.put("make it", one.format(3))
+    tables.put("make it", f"seconds\n{one.format(3)}and\n{one.format(4)}and\n{one.format(5)}")
+    new = old.replace("0.1.2", __version__)
+    assert page.read_text() == f"A.\n\n{new}{one.format(3)}\nB.\n\n{new}{one.format(4)}\nC.\n"
+    assert tables.old() == []
 
 
 def test_the_counts_of_the_page_of_performance_are_those_stored() -> None:
-    rows = re.findall(r"^\| (\d+) \| (1e-\d\d) \| ([\d.]+) \| ([\d.]+) \|", _speed(), re.MULTILINE)
+    rows = re.findall(r"^\| (?:free \| )?(\d+) \| (1e-\d\d) \| ([\d.]+) \| ([\d.]+) \|", _speed(), re.MULTILINE)
     stored = [row for row in json.loads(solver.BASELINE.read_text(encoding="utf-8")) if row["kernel"] == "free"]
     assert len(rows) == 14
     for m, rtol, *counts in rows:
@@ -73,13 +94,13 @@ def _speed() -> str:
 
 def test_the_readme_rounds_the_seconds_of_the_page_of_performance() -> None:
     (sentence,) = re.findall(r"take ([\d.]+) s on 257² nodes and ([\d.]+) s on 1025²", _text("README.md"))
-    seconds = dict(re.findall(r"^\| (\d+) \| 1e-06 \|(?:[^|]*\|){4} ([\d.]+) \|", _speed(), re.MULTILINE))
+    seconds = dict(re.findall(r"^\| (?:free \| )?(\d+) \| 1e-06 \|(?:[^|]*\|){4} ([\d.]+) \|", _speed(), re.MULTILINE))
     assert [float(number) for number in sentence] == [float(f"{float(seconds[m]):.1g}") for m in ("8", "10")]
 
 
 def test_the_page_of_extremes_is_as_its_command_writes_it() -> None:
-    page = MARK.sub("", _text(f"{NOTES}/extremes.md"))
-    head = MARK.sub("", HEAD)
+    page = tables.MARK.sub("", _text(f"{NOTES}/extremes.md"))
+    head = tables.MARK.sub("", HEAD)
     assert page.startswith(head)
     assert page.endswith(TAIL)
     rows = page[len(head) : -len(TAIL)].splitlines()

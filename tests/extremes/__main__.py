@@ -23,10 +23,10 @@ loading. Up to 300 elements the pressures are those of the dense problem. Any wa
 1e-6. Only its certified residual is checked: the other conditions do not change with m.
 
 The rows `random` are studies drawn from the numbers 0, 1, 2 … (`tests/extremes/random_cases.py`): grids of
-{SMALLEST} to {LARGEST} elements a side, square or not, free or periodic; heights that are self-affine, cropped, white
-noise or in terraces; three kernels; with and without hardness; tolerances of 1e-8 to 1e-3; ends at a pressure, an area,
-a free volume or a separation; paths up, down and up. Checked is that each study is solved to its tolerance, and that
-each leg ends where the study says.
+{SMALLEST} to {LARGEST} elements a side, square or not, a third each free, mirrored and periodic; heights that are
+self-affine, cropped, white noise or in terraces; three kernels; half spaces and layers; with and without hardness;
+tolerances of 1e-8 to 1e-3; ends at a pressure, an area, a free volume or a separation; paths up, down and up. Checked
+is that each study is solved to its tolerance, and that each leg ends where the study says.
 
 | what | value | largest η/σ | states | compared with | seconds |
 |---|---|---|---|---|---|

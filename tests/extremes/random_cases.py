@@ -1,4 +1,4 @@
-"""Random cases: sides, surface, kernel, hardness, tolerance, and ends of a path, all drawn from one number.
+"""Random cases: sides, surface, kernel, layer, hardness, tolerance, and ends of a path, all drawn from one number.
 
 `random_case` draws a study and its heights, `run` computes them as `roughvol run` does. A case fails by any error, a
 residual above its tolerance, or a leg that ends elsewhere than the study says.
@@ -50,12 +50,14 @@ def random_case(number: int) -> RandomCase:
         sides = SMALLEST * (LARGEST / SMALLEST) ** share
     rows, columns = (round(side) for side in sides)
     heights = random_heights((rows, rows if generator.random() < 0.5 else columns), generator)
-    periodic = bool(generator.random() < 0.6)
-    kernel = str(generator.choice(["love", "love", "punch", "fourier"] if periodic else ["love", "love", "punch"]))
+    end = str(generator.choice(["free", "mirrored", "periodic"]))
+    kernel = str(generator.choice(["love", "love", "punch"] if end == "free" else ["love", "love", "punch", "fourier"]))
     limit = float(10.0 ** generator.uniform(-0.5, 2.0)) if generator.random() < 0.35 else math.inf
+    layered = end != "free" and kernel != "punch" and generator.random() < 0.4
+    body = _layer(generator, rows) if layered else {"E_star": 1.0}
     study = {
-        "surface": {"file": "heights.npy", "L": 1.0, "periodic": periodic},
-        "material": {"E_star": 1.0} | ({"hardness": limit * float(heights.std())} if limit < math.inf else {}),
+        "surface": {"file": "heights.npy", "L": 1.0, "sides": end},
+        "material": body | ({"hardness": limit * float(heights.std())} if limit < math.inf else {}),
         "sweep": _path(generator, float(heights.max()), limit),
         "solver": {"rtol": float(10.0 ** generator.uniform(-8.0, -3.0)), "kernel": kernel},
     }
@@ -74,6 +76,12 @@ def random_heights(shape: tuple[int, int], generator: np.random.Generator) -> np
     heights = np.fft.ifft2(np.fft.fft2(generator.standard_normal(grid)) * amplitude).real[: shape[0], : shape[1]]
     heights = (heights - heights.mean()) / heights.std()
     return np.round(heights, 1) if kind == "terraces" else heights
+
+
+def _layer(generator: np.random.Generator, rows: int) -> dict[str, float]:
+    """Return the material of a layer with E* = 1, one element to twice the period thick."""
+    nu = float(generator.choice([0.0, 0.3, 0.49, 0.5]))
+    return {"E": 1.0 - nu**2, "nu": nu, "thickness": float(rows ** -generator.uniform(-0.3, 1.0))}
 
 
 def _path(generator: np.random.Generator, highest: float, limit: float) -> list[dict[str, Any]]:
