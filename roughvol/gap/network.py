@@ -87,7 +87,8 @@ class Network:
             outflow = self._matrix @ direction
             steps.append(product / float(direction @ outflow))
             pressure += steps[-1] * direction
-            left -= steps[-1] * outflow
+            outflow *= steps[-1]
+            left -= outflow
             fallen += steps[-1] * product
         if not self.exact and inflow.size > FACTORISED:
             message = f"the flow through {inflow.size} elements did not converge in {len(steps)} steps"
@@ -155,12 +156,12 @@ def flow_through(down: Array, east: Array, accuracy: float = ACCURACY, start: Ar
     network = Network(Conductances(south, east, own))
     del south, own
     u = np.zeros(east.shape) if start is None else start.copy()
-    nearer = np.zeros(east.shape)
+    nearer: Array | None = None
 
     def fluxes() -> tuple[Array, Array, float]:
-        falls = differences(nearer, 1.0) + differences(u, 0.0)
-        across = u - np.roll(u, -1, axis=1)
-        if nearer.any():
+        falls, across = differences(u, 1.0 if nearer is None else 0.0), u - np.roll(u, -1, axis=1)
+        if nearer is not None:
+            falls += differences(nearer, 1.0)
             across += nearer - np.roll(nearer, -1, axis=1)
         through, aside = down * falls, east * across
         return through, aside, float(np.vdot(through, falls) + np.vdot(aside, across))
@@ -175,10 +176,10 @@ def flow_through(down: Array, east: Array, accuracy: float = ACCURACY, start: Ar
         if accuracy > REFINED and not network.exact and before < LOST * dissipation:
             break
         if attempt == 0:
-            nearer[u > 0.5] = 1.0
+            nearer = (u > 0.5).astype(np.float64)
             u -= nearer
             through, aside, dissipation = fluxes()
-    return Flow(through, aside, dissipation, error, nearer + u)
+    return Flow(through, aside, dissipation, error, u if nearer is None else nearer + u)
 
 
 def flow_around(conductances: Conductances, accuracy: float = ACCURACY) -> float:
@@ -219,9 +220,7 @@ def differences(field: Array, inlet: float) -> Array:
 
 def harmonic(a: Array, b: Array) -> Array:
     """Return 2ab/(a + b), 0 where one of them is."""
-    both = (a > 0.0) & (b > 0.0)
-    mean: Array = np.divide(2.0 * a * b, a + b, out=np.zeros(a.shape), where=both)
-    return mean
+    return 2.0 * a * b / np.maximum(a + b, np.finfo(np.float64).tiny)
 
 
 def joints(k: Array, axis: int, periodic: bool) -> Array:
