@@ -14,6 +14,7 @@ from roughvol.analysis.accessor import Accessor
 from roughvol.campaign import Context, Progress, collect, estimate, run_case
 from roughvol.contact import Contact, HalfSpace, first_indentation, indentation_for, solve, sweep
 from roughvol.store import dataset
+from roughvol.store.licences import Licence
 from roughvol.surfaces import Spectrum, Surface, power_law_surface, random_midpoint_displacement
 
 units: pint.UnitRegistry[float] = pint.UnitRegistry()
@@ -82,6 +83,8 @@ def asked() -> list[str]:
     roughvol.plot({"dry": "dry", "wet": roughvol.open("wet")}, "v_of_p").savefig("both.png")
     gas = roughvol.explain("helium").gas
     print(gas.viscosity if gas is not None else roughvol.study.json_schema())
+    held: list[Licence] = [*roughvol.licences()]
+    print(len(held))
     return [run.name for run in roughvol.runs()] + [key.path for key in roughvol.explain().keys]
 
 
