@@ -12,13 +12,12 @@ from __future__ import annotations
 
 import json
 import shlex
-import warnings
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from roughvol.errors import DatasetError, FolderError, Problem, RoughvolDeprecation, StudyError, SurfaceError
+from roughvol.errors import DatasetError, FolderError, Problem, StudyError, SurfaceError
 from roughvol.store import run_folder, same_study, sample_plan
 from roughvol.study import HeightFile, Study, changes_of, load, loads
 
@@ -182,9 +181,7 @@ def study_of(run: str | Path, changes: Sequence[str] = ()) -> tuple[Study, Path]
         for folder in _folders(run):
             if _is_file(folder / "study.yaml"):
                 text = run_folder.stored_study(folder) or ""
-                with warnings.catch_warnings():  # the keys of a stored study are those of its version
-                    warnings.simplefilter("ignore", RoughvolDeprecation)
-                    study = loads(text, _beside_heights(text, folder), changes=changes)
+                study = loads(text, _beside_heights(text, folder), of_run=True, changes=changes)
                 renamed = any(change.partition("=")[0].strip() == "name" for change in changes)
                 return study, run_folder.folder_of(study) if renamed else folder
     try:

@@ -10,7 +10,9 @@ from roughvol.errors import Problem
 from roughvol.study.plain_data import KeyPath, key_text, show, write
 
 
-def renamed(data: dict[str, Any], problems: dict[KeyPath, str], changed: Collection[KeyPath] = ()) -> list[Problem]:
+def renamed(
+    data: dict[str, Any], problems: dict[KeyPath, str], changed: Collection[KeyPath] = (), *, written: bool = False
+) -> list[Problem]:
     """Give former keys of plain data their new names, in place.
 
     Parameters
@@ -21,6 +23,8 @@ def renamed(data: dict[str, Any], problems: dict[KeyPath, str], changed: Collect
         Problems by key path. Keys that are refused are added.
     changed : collection of key paths
         Keys that replace others of the data, also under their new names.
+    written : bool
+        The data are those of a run, in the keys of the version that wrote them: words that left are left out.
 
     Returns
     -------
@@ -36,15 +40,19 @@ def renamed(data: dict[str, Any], problems: dict[KeyPath, str], changed: Collect
             if last not in mapping or (value and str(mapping[last]) != value):
                 continue
             place = (*inside, last)
-            if not row.works:
+            if not (row.works or written):
                 problems.setdefault(place, row.message)
                 continue
             given = mapping.pop(last)
+            if not row.works and value:
+                continue
             meant = row.values.get(given, given) if isinstance(given, bool | str) else given
             if place in changed:
                 mapping[new] = meant
             elif mapping.setdefault(new, meant) != meant:
                 problems[*inside, new] = f"contradicts {last}: {show(given)}; give {new} alone"
+            if written:
+                continue
             text = write({new: meant}).strip("{}\n")
             said.append(Problem(f"{row.message}: write {text}", key_text(place)))
     return said

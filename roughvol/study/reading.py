@@ -155,7 +155,14 @@ def changed(study: Study, changes: Sequence[str]) -> Study:
     )
 
 
-def loads(text: str, file: str | Path = "<string>", *, stored: bool = False, changes: Sequence[str] = ()) -> Study:
+def loads(
+    text: str,
+    file: str | Path = "<string>",
+    *,
+    stored: bool = False,
+    of_run: bool = False,
+    changes: Sequence[str] = (),
+) -> Study:
     """Read a study from text.
 
     Parameters
@@ -167,6 +174,8 @@ def loads(text: str, file: str | Path = "<string>", *, stored: bool = False, cha
     stored : bool
         The text comes from a file of results, see `Study.stored`. Height files may be absent; such a study makes no
         cases.
+    of_run : bool
+        The text is the study.yaml of a run, with the keys of the version that wrote it.
     changes : sequence of str
         Keys set to other values, as ``surface.m=6``.
 
@@ -192,7 +201,7 @@ def loads(text: str, file: str | Path = "<string>", *, stored: bool = False, cha
     (4, 5)
     """
     path = Path("study" if file in NO_FILES else file)
-    return _study(text, printable(str(file)), path, stored=stored, changes=changes)
+    return _study(text, printable(str(file)), path, stored=stored, of_run=of_run, changes=changes)
 
 
 def _study(
@@ -201,6 +210,7 @@ def _study(
     path: Path,
     *,
     stored: bool = False,
+    of_run: bool = False,
     changes: Sequence[str] = (),
     arguments: Arguments | None = None,
     problems: Mapping[KeyPath, str] | None = None,
@@ -214,11 +224,11 @@ def _study(
         raise StudyError([Problem(str(error), "", error.line, file)]) from error
     changed = [_change(data, reading.marks, change) for change in changes]
     problems = {**reading.problems, **(problems or {})}
-    former = renamed(data, problems, changed)
+    former = renamed(data, problems, changed, written=stored or of_run)
     try:
         name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)[:100].lstrip("-") or "study"
         context = {"folder": path.parent, "stored": stored}
-        context |= {UNSAID: {"sides": "free"}} if stored else {}  # versions without the key had free patches
+        context |= {UNSAID: {"sides": "free"}} if stored or of_run else {}  # versions without the key had free patches
         study = Study.model_validate({"name": name, **data}, context=context)
     except ValidationError as error:
         for key, message in translated(error, data, Study):
@@ -232,8 +242,7 @@ def _study(
         found = [Problem(problems[key], key_text(key), file=SET if key in set_here else "") for key in in_order]
         raise StudyError([places.of(problem) for problem in found])
     study._places = places
-    if not stored:  # a stored study is no text of the user
-        warn((str(places.of(problem)) for problem in former), RoughvolDeprecation)
+    warn((str(places.of(problem)) for problem in former), RoughvolDeprecation)
     return study
 
 

@@ -1,7 +1,12 @@
-"""The archive of stored runs, and their studies."""
+"""The archive of stored runs, and their studies.
+
+``0.11.1/studies.json`` has the keys of the schema of 0.11.1 with values and defaults, and studies of its configs, pages
+and tests that have every key, each with the study that 0.11.1 loaded.
+"""
 
 from __future__ import annotations
 
+import json
 import tarfile
 import tomllib
 from pathlib import Path
@@ -22,3 +27,12 @@ def unpack(folder: Path) -> None:
     """Unpack the runs of every version into a folder: ``VERSION/runs/NAME``."""
     with tarfile.open(ARCHIVE) as archive:
         archive.extractall(folder, filter="data")
+
+
+def of_oldest() -> dict[str, Any]:
+    """Return the keys of the oldest version, and its studies."""
+    with tarfile.open(ARCHIVE) as archive:
+        stored = archive.extractfile(f"{VERSIONS[0]}/studies.json")
+        assert stored is not None
+        found: dict[str, Any] = json.load(stored)
+    return found

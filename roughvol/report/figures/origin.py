@@ -21,8 +21,8 @@ SHOWN = 3  # files that are named
 def study_of(ds: Dataset) -> Study | None:
     """Return the study of a dataset, or None if it holds none that can be read again."""
     try:
-        return loads(str(ds.attrs.get("study", "")))
-    except StudyError:  # the height file is no longer there, or nothing is stored
+        return loads(str(ds.attrs.get("study", "")), stored=True)
+    except StudyError:  # nothing is stored
         return None
 
 
