@@ -92,6 +92,60 @@ class Cosines:
         return forward, backward
 
 
+class FoldedCosines:
+    """As `Cosines` for n with p = n, as most primes: products with two matrices of n/2 × n/2 numbers alone.
+
+    The waves of even k are those of the sums x_j + x_(n-1-j), the waves of odd k those of the differences. A buffer has
+    the elements j < n/2, the one in the middle, and the partners n - 1 - j; and even k before odd k.
+    """
+
+    def __init__(self, nodes: int, dtype: np.dtype[Any]) -> None:
+        self._dtype, self.p, self.q = dtype, nodes, 1
+        self.half = self.size = nodes // 2 + 1
+        self._pairs, self._even = nodes // 2, nodes - nodes // 2
+        j = np.arange(self._even)
+        self.element = np.append(j, nodes - 1 - j[: self._pairs])[None]
+        k = np.append(np.arange(0, nodes, 2), np.arange(1, nodes, 2))
+        self.wave = np.append(k, np.full(2 * self.half - nodes, nodes)).reshape(1, -1, 2)
+        into = np.cos(np.pi / (2 * nodes) * ((2 * j[:, None] + 1) * k % (4 * nodes)))
+        back = np.ascontiguousarray((into * np.where(k == 0, 1.0, 2.0) / nodes).T)
+        even, odd = slice(self._even), slice(self._even, None)
+        self._into = into[:, even].astype(dtype), into[: self._pairs, odd].astype(dtype)
+        self._back = back[even].astype(dtype), back[odd, : self._pairs].astype(dtype)
+
+    def plans(
+        self, source: Any, between: Any, waves: Any, target: Any
+    ) -> tuple[Callable[[], None], Callable[[], None]]:
+        """Return the transforms of `Cosines.plans`."""
+        nodes, pairs, even = self.p, slice(self._pairs), slice(self._even)
+        partners, middle = slice(self._even, nodes), slice(self._pairs, self._even)  # partners come as odd k do
+        mixed, reals = between.view(self._dtype), waves.view(self._dtype)
+
+        def products(one: Any, matrices: tuple[Any, Any], other: Any) -> None:
+            np.matmul(one[..., even], matrices[0], out=other[..., even])
+            np.matmul(one[..., partners], matrices[1], out=other[..., partners])
+
+        def forward() -> None:
+            np.add(source[..., pairs], source[..., partners], out=mixed[..., pairs])
+            mixed[..., middle] = source[..., middle]
+            np.subtract(source[..., pairs], source[..., partners], out=mixed[..., partners])
+            products(mixed, self._into, reals)
+            reals[..., nodes:] = 0.0
+
+        def backward() -> None:
+            products(reals, self._back, mixed)
+            np.add(mixed[..., pairs], mixed[..., partners], out=target[..., pairs])
+            target[..., middle] = mixed[..., middle]
+            np.subtract(mixed[..., pairs], mixed[..., partners], out=target[..., partners])
+
+        return forward, backward
+
+
+def cosines(nodes: int, dtype: np.dtype[Any]) -> Cosines | FoldedCosines:
+    """Return the cosine transforms of n elements that take less time."""
+    return FoldedCosines(nodes, dtype) if _matrix_size(nodes) == nodes else Cosines(nodes, dtype)
+
+
 def _matrix_size(nodes: int) -> int:
     """Return p of `Cosines`: the least divisor from 24 on that leaves fast primes in n/p, or n."""
     for p in range(_LEAST_PART, nodes):
@@ -123,7 +177,7 @@ class MirroredConvolution(Convolution):
     def __init__(self, spectrum: Array, dtype: np.dtype[Any], threads: int, tuning: Tuning) -> None:
         self.shape = rows, columns = spectrum.shape[0] - 1, spectrum.shape[1] - 1
         self.size, self._dtype, complex_type = rows * columns, dtype, np.result_type(dtype, np.complex64)
-        down, across = Cosines(rows, dtype), Cosines(columns, dtype)
+        down, across = cosines(rows, dtype), cosines(columns, dtype)
         self._row_order = down.element.ravel()
         self._row_place, self._column_place = _inverse(self._row_order), _inverse(across.element.ravel())
         self._p = across.p

@@ -26,8 +26,9 @@ class Tuning:
     factorised_up_to: int = 256
     least_pivot: float = 0.05  # least pivot of the near field of blocks, as a share of the diagonal coefficient
     lifted_share: float = 0.001  # least share of elements expected to be lifted clear, for an inverse without them
-    lifted_again_from: int = 2**20  # least nodes of a grid for repeated searches for elements lifted clear
-    lifted_rounds: int = 3  # most searches for elements lifted clear on these grids
+    # Least nodes of a grid for repeated searches for elements lifted clear; a mirrored patch counts with its images.
+    lifted_again_from: int = 2**20
+    lifted_rounds: int = 3  # most searches for elements lifted clear on these grids; twice as many on a mirrored patch
     cut_every: int = 2  # iterations between two cuts of negative pressures
     sum_terms: float = 5.0  # most terms per node of the grid, for a sum in place of the convolution of cut pressures
     # Gap predicted on a surface that yields, up to which an element is a candidate, over the advance.

@@ -28,11 +28,12 @@ def approximate_inverse(
     x that comes into contact adds (gᵀr)² to rᵀM⁻¹r, which is y_x r_x² if r is zero on the elements kept.
 
     Pressure q and gap w are those of the start. `rates` are pressure and displacement per unit of further indentation;
-    without rates the far field is not corrected.
+    without rates the far field of a free patch or a period is not corrected.
     """
-    if rates is None:
+    mirrored = half_space.sides == "mirrored"
+    if rates is None and not mirrored:
         return near_field(half_space, elements, tuning), free
-    rate, displacement = rates
+    rate, displacement = rates or np.zeros((2, elements.size))
 
     def both_fields(near: Map, kept: Index) -> Map:
         # t of equation (14); the near field mends it on new elements, K t = 1
@@ -41,7 +42,9 @@ def approximate_inverse(
 
     kept = np.flatnonzero(free) if free.any() else np.arange(free.size)
     inverse = near = near_field(half_space, elements[kept], tuning)
-    searches = tuning.lifted_rounds if math.prod(half_space.shape) >= tuning.lifted_again_from else 1
+    # On a mirrored patch the mean pressure lifts all elements, which the near field alone does not show.
+    again = math.prod(half_space.shape) * (4 if mirrored else 1) >= tuning.lifted_again_from
+    searches = tuning.lifted_rounds * (2 if mirrored else 1) if again else 1
     for _ in range(searches):
         lifted = (q[kept] <= 0.0) & (inverse(-w[kept]) <= 0.0)
         if not tuning.lifted_share * kept.size < np.count_nonzero(lifted) < kept.size:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import fft
 
-from roughvol.contact.cosines import Cosines, MirroredConvolution
+from roughvol.contact.cosines import Cosines, FoldedCosines, MirroredConvolution
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve
 from roughvol.contact.options import TUNING, Tuning
@@ -32,10 +32,11 @@ SHAPES = [
 ]
 
 
+@pytest.mark.parametrize("kind", [Cosines, FoldedCosines])
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
-def test_waves_are_cosine_transforms_up_to_signs(dtype):
+def test_waves_are_cosine_transforms_up_to_signs(dtype, kind):
     for nodes in [*range(1, 70), 128, 129, 257, 513, 1000]:
-        cosines = Cosines(nodes, np.dtype(dtype))
+        cosines = kind(nodes, np.dtype(dtype))
         assert np.array_equal(np.sort(cosines.element, axis=None), np.arange(nodes))
         assert np.array_equal(np.unique(cosines.wave), np.arange(nodes + 1))
         x = random(nodes).standard_normal((3, nodes))
