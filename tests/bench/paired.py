@@ -9,7 +9,8 @@ With `--kernel love` or `fourier` surfaces are periods of a plane, and the last 
 of the last step. `sides=mirrored` behind a colon mirrors the surface of a version.
 
 Versions are folders, with constants of `Tuning` behind a colon. Each sweep has a process of its own; the versions take
-turns, so that a busy machine slows all of them. The ratio is the median over the rounds.
+turns, so that a busy machine slows all of them. The ratio is the median over the rounds, "convolving" the seconds in
+convolutions.
 """
 
 from __future__ import annotations
@@ -61,7 +62,18 @@ else:
 if area:
     from roughvol.contact.search import indentation_for
     end = round(indentation_for(surface, half_space, "contact_area", area, rtol=1e-4), 2)
-seconds = []
+def timed(convolve):
+    def clocked(*given, **options):
+        start = time.process_time()
+        result = convolve(*given, **options)
+        convolving.append(time.process_time() - start)
+        return result
+    return clocked
+
+for name in ("displacement_at", "displacement_above"):
+    if hasattr(HalfSpace, name):
+        setattr(HalfSpace, name, timed(getattr(HalfSpace, name)))
+seconds, convolving = [], []
 with threadpool_limits(1):
     for _ in range(repeats):
         start = time.process_time()
@@ -70,12 +82,12 @@ with threadpool_limits(1):
             for c in sweep(surface, half_space, end * np.arange(1, steps + 1) / steps, rtol=rtol, **options)
         ]
         seconds.append(time.process_time() - start)
-print(json.dumps([float(np.median(seconds)), *np.mean(counts, axis=0)]))
+print(json.dumps([float(np.median(seconds)), sum(convolving) / repeats, *np.mean(counts, axis=0)]))
 """
 
 
 def measure(version: str, case: list[object]) -> list[float]:
-    """Return seconds, and fp64 and fp32 convolutions and iterations per step, from a process of its own."""
+    """Return seconds, seconds in convolutions, and convolutions and iterations per step, from a process of its own."""
     folder, _, text = version.partition(":")
     constants = dict(pair.split("=") for pair in text.split(",") if pair)
     numbers = {name: value if name == "sides" else json.loads(value) for name, value in constants.items()}
@@ -100,14 +112,15 @@ def main() -> None:
     parser.add_argument("--area", type=float, help="A* of the last step; default: d = 0, or A* = 0.5 on a period")
     parser.add_argument("--repeats", type=int, default=1, help="sweeps in each process; the median counts")
     given = parser.parse_args()
-    print("| m | D | version | CPU s | ratio | fp64 | fp32 | iterations |\n|---|---|---|---|---|---|---|---|")
+    print("| m | D | version | CPU s | ratio | convolving | fp64 | fp32 | iterations |\n|" + "---|" * 9)
     for m, D in product(given.m, given.D):
         case = [m, D, given.seed, given.steps, given.repeats, given.rtol, given.kernel, given.area]
         rounds = np.array([[measure(version, case) for version in given.versions] for _ in range(given.rounds)])
         ratios = np.median(rounds[:, :, 0] / rounds[:, :1, 0], axis=0)
-        for version, (seconds, *counts), ratio in zip(given.versions, np.median(rounds, axis=0), ratios, strict=True):
+        for version, numbers, ratio in zip(given.versions, np.median(rounds, axis=0), ratios, strict=True):
+            seconds, convolving, *counts = numbers
             shown = " | ".join(f"{count:.2f}" for count in counts)
-            print(f"| {m} | {D} | {version} | {seconds:.3g} | {ratio:.2f} | {shown} |", flush=True)
+            print(f"| {m} | {D} | {version} | {seconds:.3g} | {ratio:.2f} | {convolving:.3g} | {shown} |", flush=True)
 
 
 if __name__ == "__main__":
