@@ -18,10 +18,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-from roughvol.campaign import execution
-from roughvol.study import loads
-from tests.campaign.kit import Dask, bits_of
-
 STUDY = "name: scale\nsurface: {{D: [2.2, 2.4, 2.6, 2.8], m: 3, seeds: {seeds}}}\nsweep: {{steps: 4}}\n"
 TRANSPORT = "record: {transport: {transmissivity: every-step}}\n"
 RUN = ("-m", "roughvol", "run", "scale.yaml", "--jobs", "1")
@@ -54,6 +50,11 @@ def measured(command: tuple[str, ...], folder: Path) -> tuple[float, float, floa
 
 def killed_worker(text: str, folder: Path) -> str:
     """Return what a run on four workers has stored, one of which is killed after a quarter of the cases."""
+    # Not above: the memory of a child counts that of the process that starts it.
+    from roughvol.campaign import execution
+    from roughvol.study import loads
+    from tests.campaign.kit import Dask, bits_of
+
     study = loads(text)
     (folder / "dask").mkdir()
     dask = Dask(folder / "dask")
