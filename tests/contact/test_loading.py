@@ -601,7 +601,7 @@ def test_a_solve_given_up_is_an_error_that_carries_its_numbers(options, words):
     assert caught.value.residual > 1e-13
 
 
-def test_a_contact_set_that_does_not_settle_is_an_error(monkeypatch):
+def test_a_contact_set_that_goes_in_circles_is_left_to_conjugate_gradients(monkeypatch):
     # Wrong solutions of the equations: half of the elements turn tensile, then penetrate, for ever.
     def wrong(factor, b, **_):
         return np.where(np.arange(b.size) % 2, -1.0, 1e-9) if b.size == whole else np.full(b.size, 1e-9)
@@ -609,9 +609,11 @@ def test_a_contact_set_that_does_not_settle_is_an_error(monkeypatch):
     surface = fractal(4)
     whole = np.count_nonzero(scaled_overlap(surface, 1.0) > 0.0)
     assert 8 < whole <= Tuning().dense_up_to
+    expected = solve(surface, half_space(surface.shape), 1.0, rtol=1e-9)
     monkeypatch.setattr(active_set.linalg, "cho_solve", wrong)
-    with pytest.raises(ConvergenceError, match="did not settle"):
-        solve(surface, half_space(surface.shape), 1.0)
+    found = solve(surface, half_space(surface.shape), 1.0, rtol=1e-9)
+    assert found.iterations > expected.iterations
+    assert found.mean_pressure == pytest.approx(expected.mean_pressure, rel=1e-8)
 
 
 # ---- solved cases
