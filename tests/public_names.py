@@ -67,6 +67,7 @@ IN_WORDS = {  # parts of answers whose keys are words, or those of a study
     "report: runs[].libraries",
     "report: surfaces[].loading",
     "report: surfaces[].surface",
+    "status: versions",
 }
 
 

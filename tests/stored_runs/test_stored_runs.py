@@ -158,6 +158,8 @@ def test_the_same_study_goes_on_or_means_the_same(here: dict[str, Any], name: st
         assert re.search(words, done.stderr)
     now = roughvol.open(out)
     assert now.sizes == before.sizes or version == OLDEST
+    if name == "auto":  # its steps are 20 now: the end of the sweep is the same
+        now, before = (ds.isel(step=-1, drop=True) for ds in (now, before))
     for variable in ("free_volume", "contact_area_fraction", "mean_pressure"):
         assert abs(now[variable] - before[variable]).max() < 1e-6, variable
 

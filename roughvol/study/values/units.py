@@ -43,7 +43,7 @@ EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s", "
     "time": "10 s",
     "conductivity": "50 W/m/K",
 }
-# Factors of pint, bit for bit (a test compares them). pint takes as long as the rest of `roughvol status`.
+# Factors of pint 0.25, bit for bit (a test compares them). pint takes as long as the rest of `roughvol status`.
 FACTORS: dict[str, dict[str, float]] = {
     "Pa": {"kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5, "mbar": 1e2},
     "kPa": {"Pa": 1e-3, "MPa": 1e3, "GPa": 1e6},
