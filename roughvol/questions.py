@@ -425,10 +425,12 @@ def card(
         sweep.
     out : path, optional
         Folder of the runs. Default: ``runs/<name of the study>_card``.
+    jobs : int, optional
+        Processes.
     fresh : bool
         Compute the runs anew, also in folders of another study or version.
-    jobs, changes : int, mapping or sequence of str
-        Processes, and changes of the study, which run in a folder of their own.
+    changes : mapping or sequence of str
+        Changes of the study, which run in a folder of their own.
 
     Returns
     -------
