@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 import roughvol
-from tests.publish import LIBRARIES
+from tests.publish import LIBRARIES, PAGE
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -75,6 +75,24 @@ def test_the_citation_agrees_with_the_package() -> None:
     assert citation["version"] == roughvol.__version__
     assert (citation["license"], citation["keywords"]) == (PROJECT["license"], PROJECT["keywords"])
     assert f"\n## {citation['version']} ({citation['date-released']})\n" in CHANGES
+
+
+def test_the_python_versions_that_are_named_were_tried_with_the_lowest_and_the_newest_libraries() -> None:
+    named = [line.rpartition(" :: ")[2] for line in PROJECT["classifiers"] if ":: Python :: 3." in line]
+    rows = re.findall(
+        r"^\| (3\.\d+)\.\d+ \| (lowest|newest) \|.* (\d+) passed", PAGE.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert sorted({(version, libraries) for version, libraries, _ in rows}) == sorted(
+        (version, libraries) for version in named for libraries in LIBRARIES
+    )
+    assert all(int(passed) > 200 for *_, passed in rows)
+    assert PROJECT["requires-python"] == f">={named[0]}"
+
+
+def test_the_page_of_installed_libraries_has_the_bounds_of_the_project() -> None:
+    bounds = {name: bound for name, _, bound in (line.partition(">=") for line in PROJECT["dependencies"])}
+    text = PAGE.read_text(encoding="utf-8").partition("## Versions")[2]
+    assert dict(re.findall(r"^\| ([\w-]+) \| ([\d.]+) \|", text, re.MULTILINE)) == bounds
 
 
 def test_the_build_of_the_site_elsewhere_is_that_of_make_docs() -> None:

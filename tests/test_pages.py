@@ -42,7 +42,6 @@ def _text(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-@pytest.mark.xfail(reason="tables of seconds wait for a machine without other work: make pages")
 def test_no_measured_table_is_of_an_older_minor_version() -> None:
     found = list(tables.marks())
     assert {page.relative_to(ROOT).as_posix() for page, _ in found} >= PAGES

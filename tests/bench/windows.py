@@ -94,6 +94,7 @@ def main() -> None:
         truths = truths or [float(np.exp(np.log(some[some > 0.0]).mean())) for some in by_state]
         cells = (cell(some, truth) for some, truth in zip(by_state, truths, strict=True))
         print(f"| {name} | {' | '.join(cells)} |")
+    print()  # a table of another call is a table of its own
 
 
 def _heads(args: argparse.Namespace, joints: list[tuple[Any, dict[str, list[Any]]]]) -> list[str]:
