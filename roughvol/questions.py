@@ -833,12 +833,13 @@ class Explained:
 
 
 def explain(name: str | None = None) -> Explained:
-    """Return the meaning of a key of a study, a section, a stored variable or a gas: `roughvol explain`.
+    """Return the meaning of a key, a section, a stored variable, a gas or a quantity of your own: `roughvol explain`.
 
     Parameters
     ----------
     name : str, optional
-        As ``"surface.file"``, ``"free_volume"`` or ``"helium"``. Default: the sections of a study.
+        As ``"surface.file"``, ``"free_volume"``, ``"helium"``, or ``"my_module:my_function"`` and entry points of
+        ``roughvol.observables``. Default: the sections of a study.
 
     Returns
     -------
@@ -868,6 +869,7 @@ def explain(name: str | None = None) -> Explained:
     from roughvol.study import Fluid
     from roughvol.study.reference import keys
     from roughvol.study.sections.fluid import SUBSTANCES
+    from roughvol.study.values import own
 
     word = (name or "").strip().strip(".")
     if not word:
@@ -881,6 +883,8 @@ def explain(name: str | None = None) -> Explained:
     other = tuple(key for key in keys() if not exact and key.path.rpartition(".")[2] == word)
     stored = next((stored for stored in VARIABLES if word in (stored, *columns_of(stored))), "")
     if not exact and not other and not stored:
+        if ":" in word or word in own.offered():
+            return _own_explained(word)
         near = difflib.get_close_matches(word, explained_names(), n=3, cutoff=0.5)
         hint = f"did you mean {' or '.join(near)}? " if near else ""
         message = f"no key and no variable {word!r}; {hint}roughvol explain lists the sections"
@@ -888,6 +892,18 @@ def explain(name: str | None = None) -> Explained:
     return Explained(
         stored or word, exact, inside or other, VARIABLES.get(stored), record_key(stored) if stored else "", None
     )
+
+
+def _own_explained(target: str) -> Explained:
+    from roughvol.observables.own import row_of
+    from roughvol.study.values import own
+
+    name = target.rpartition(":")[2]
+    try:
+        row = row_of(name, own.OwnQuantity(target))
+    except Exception as error:  # whatever the module of a user raises
+        raise DatasetError(f"cannot import {target!r} ({type(error).__name__}: {error})") from error
+    return Explained(name, (), (), row, f"record.own: {{{name}: {target}}}", None)
 
 
 def explained_names() -> list[str]:

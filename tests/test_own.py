@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import roughvol
-from roughvol.errors import CampaignError, StudyError
+from roughvol.errors import CampaignError, DatasetError, StudyError
 from roughvol.observables.variables import QUANTITIES, VARIABLES
 from roughvol.study import loads
 from roughvol.study.values import own
@@ -136,6 +136,15 @@ def test_a_function_that_fails_names_itself(functions, words):
         roughvol.run(study(functions), jobs=1)
 
 
+def test_explain_describes_a_function_as_a_stored_variable():
+    study("largest: mine:largest")
+    found = roughvol.explain("mine:largest")
+    assert (found.name, found.variable.long_name, found.variable.units) == ("largest", "Largest gap", "length")
+    assert found.stored_by == "record.own: {largest: mine:largest}"
+    with pytest.raises(DatasetError, match="cannot import 'mine:absent'"):
+        roughvol.explain("mine:absent")
+
+
 def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path):
     site = tmp_path / "site"
     described = site / "leakage-1.0.dist-info"
@@ -160,6 +169,7 @@ def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path):
     call("run", "gaps.yaml", "--jobs", "2")
     assert "largest_gap_of_p.png" in call("plot", "gaps", "largest_gap_of_p")
     assert "largest_gap" in call("show", "gaps", "--csv")
+    assert "Largest gap" in call("explain", "largest_gap")
 
 
 def test_the_tutorial_runs_from_an_empty_folder():

@@ -34,11 +34,12 @@ def _names_with(context: click.Context, option: click.Parameter, start: str) -> 
         "roughvol explain surface.file         a key: values, default, meaning",
         "roughvol explain free_volume          a variable of study.nc",
         "roughvol explain helium               a gas: viscosity, molar mass, mean free path",
+        "roughvol explain mine:function        a quantity of your own",
     )
 )
 @click.argument("name", required=False, shell_complete=_names_with)
 def explain(name: str | None) -> None:
-    """Describe NAME: a key of a study, a section, a stored variable, or a gas."""
+    """Describe NAME: a key of a study, a section, a stored variable, a gas, or a quantity of your own."""
     found = roughvol.explain(name)
     if found.gas is not None:
         _say_gas(found.name, found.gas)

@@ -87,7 +87,7 @@ def register(record: Record) -> None:
     """Put the rows of the quantities of a study into the table of variables; refuse failed imports and stored names."""
     for name, quantity in _of(record).items():
         try:
-            row, coordinates = _row(name, quantity), _coordinates(quantity)
+            row, coordinates = row_of(name, quantity), _coordinates(quantity)
         except Exception as error:  # whatever the module of a user raises
             message = f"cannot import {quantity.target!r} ({type(error).__name__}: {error})"
             raise StudyError([Problem(message, f"record.own.{name}")]) from error
@@ -102,7 +102,7 @@ def register(record: Record) -> None:
             QUANTITIES[variable] = VARIABLES[variable] = made
 
 
-def _row(name: str, quantity: OwnQuantity) -> Variable:
+def row_of(name: str, quantity: OwnQuantity) -> Variable:
     """Return the row of a quantity, from the attributes of its function."""
     function = quantity.function
     first = (function.__doc__ or "").strip().partition("\n")[0].rstrip(".")

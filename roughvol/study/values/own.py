@@ -51,6 +51,11 @@ class OwnQuantity:
         return function_of(self.target)
 
 
+def offered() -> list[str]:
+    """Return the names of the entry points that installed packages offer."""
+    return sorted(entry_points(group=GROUP).names)
+
+
 @functools.cache
 def function_of(target: str) -> Callable[[Any], Any]:
     """Return the function of a target, from an installed module, or a module in the current folder.
@@ -67,7 +72,7 @@ def function_of(target: str) -> Callable[[Any], Any]:
         else:
             points = list(entry_points(group=GROUP, name=target))
             if not points:
-                known = ", ".join(sorted(entry_points(group=GROUP).names)) or "none is installed"
+                known = ", ".join(offered()) or "none is installed"
                 raise ImportError(f"no entry point of {GROUP}; allowed: module:function, or an entry point ({known})")
             found = points[0].load()
     if not callable(found):
