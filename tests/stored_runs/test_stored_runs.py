@@ -18,6 +18,11 @@ from tests.stored_runs.archive import VERSIONS, studies, unpack
 
 CASES = [(version, name) for version in VERSIONS for name in studies(version)]
 OLDEST = VERSIONS[0]
+# The same cases, where a question takes seconds: of the versions between, one run each, the rest in `make test-slow`.
+SOME = [
+    pytest.param(*case, marks=() if case[0] in (OLDEST, VERSIONS[-1]) or case[1] == "paper" else pytest.mark.slow)
+    for case in CASES
+]
 ROUNDING = ("transmissivity_conservation_error",)  # of the order of 1e-16 until 0.14
 # Where a way closes between two steps, 0.11.1 had it closed; since 0.12 its leak falls on a straight line to 0.
 TO_THE_CLOSING = ("leak_rate_x", "transmissivity_x", "open_x", "percolates_x", "critical_gap_x", "critical_opening_x")
@@ -84,7 +89,7 @@ def test_a_run_shows_the_numbers_that_its_version_printed(here: dict[str, Any], 
     assert compared >= 5 * len(before["rows"])
 
 
-@pytest.mark.parametrize(("here", "name"), CASES, indirect=["here"])
+@pytest.mark.parametrize(("here", "name"), SOME, indirect=["here"])
 def test_every_question_on_a_run_is_answered(here: dict[str, Any], name: str, tmp_path: Path) -> None:
     version = Path.cwd().name
     at = studies(version)[name]["at"]
@@ -134,7 +139,7 @@ def test_a_run_has_figures(here: dict[str, Any], name: str, tmp_path: Path) -> N
     assert list(tmp_path.rglob("*.png"))
 
 
-@pytest.mark.parametrize(("here", "name"), CASES, indirect=["here"])
+@pytest.mark.parametrize(("here", "name"), SOME, indirect=["here"])
 def test_the_same_study_goes_on_or_means_the_same(here: dict[str, Any], name: str, tmp_path: Path) -> None:
     """Numbers of cases that are computed anew are the old ones; no file is lost."""
     version, folder = Path.cwd().name, Path("runs") / name
