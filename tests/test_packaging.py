@@ -42,7 +42,7 @@ def test_the_wheel_holds_the_package_its_types_and_its_command(wheel: Path) -> N
     with zipfile.ZipFile(wheel) as held:
         names = set(held.namelist())
     stored = {path.relative_to(ROOT).as_posix() for path in (ROOT / "roughvol").rglob("*.*") if path.is_file()}
-    stored = {name for name in stored if not name.endswith(".pyc")}
+    stored = {name for name in stored if "__pycache__" not in name}
     assert {Path(name).suffix for name in stored} == {".py", ".pyi", ".typed", ".toml", ".css", ".yaml", ".mplstyle"}
     assert stored <= names
     assert not [name for name in names if not name.startswith(("roughvol/", "roughvol-"))]

@@ -48,6 +48,7 @@ LIBRARIES = {  # library -> rooms or modules that import it
         "analysis.leak_curve",
         "analysis.leak_budget",
     ),
+    "numba": ("gap.compiled",),
     "lazy_loader": ("spellings",),
     "pyfftw": ("contact.convolution", "contact.cosines"),
     "yaml": ("study",),

@@ -7,8 +7,10 @@ The room of the gap. It knows arrays alone: no study, no solver.
 `box_counting`     boxes of side r, and the local dimension
 `clusters`         percolation, connected and trapped volume, sizes of contact and pockets
 `perimeter`        edges between contact and void, and the contact area corrected by them
+`compiled`         loops over elements, compiled
 `constriction`     the narrowest place of the widest way
-`multigrid`        aggregates that follow the conductances, and a cycle over them
+`aggregates`       aggregates of elements that follow the conductances, and their joints
+`multigrid`        a cycle over the grid, its aggregates, and theirs
 `network`          pressures and flows of elements joined by conductances, to an accuracy
 `transport`        flow through the gap
 `gas`              flow of a gas, from viscous to free molecular

@@ -1,23 +1,22 @@
 """The critical constriction: the narrowest place of the widest way through the gap.
 
 Conventions are those of `transport`. Elements are taken in the order of falling gap, equal ones row by row, until the
-first path is complete. Few labellings bracket the gap h_c between a value at which elements percolate and one at which
-they do not. The graph of the elements in the bracket, and of the clusters wider than the bracket, is small. Its
-minimum spanning tree contains the widest way (Hu, Operations Research 9 (1961) 898-900).
+first path is complete. Water that enters from one side finds the last element of that path: it always enters the widest
+element on its shore, and fills what lies behind at once (invasion percolation; Wilkinson & Willemsen, J. Phys. A 16
+(1983) 3365-3376). Few floods bracket the gap h_c before, so that few elements must be ordered.
 """
 
+import heapq
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse import csgraph
 
-from roughvol.gap.clusters import SIDES, check_gap, endless, joined, labelled, percolates
-from roughvol.typing import Array, Index, Mask
+from roughvol.gap.clusters import check_gap, endless
+from roughvol.gap.compiled import compiled
+from roughvol.typing import Array
 
-_SAMPLE, _BRACKET = 4096, 128  # values of the gap that may bracket h_c, and how many of them a bracket holds
+_SAMPLE, _BRACKET = 4096, 512  # values of the gap that may bracket h_c, and how many of them a bracket holds
 
 
 class Constriction(NamedTuple):
@@ -44,31 +43,27 @@ def constriction(gap: Array, axis: int, *, periodic: bool = False) -> Constricti
     0.5
     """
     check_gap(gap)
-    bracket = _bracket(gap, lambda void: percolates(void, axis, periodic=periodic))
+    bracket = _bracket(gap, lambda least: _invaded(gap, axis, periodic, least, least) >= 0)
     if bracket is None:
         return Constriction(0.0, None)
-    low, high = bracket
-    labels, _ = labelled(gap >= high, SIDES, joined(axis, periodic))
-    between = _falling(gap, low, high)
-    element = between[_last_of_the_widest_way(labels, between, axis, periodic)]
-    row, column = divmod(int(element), gap.shape[1])
+    row, column = divmod(_invaded(gap, axis, periodic, *bracket), gap.shape[1])
     return Constriction(float(gap[row, column]), (row, column))
 
 
 def endless_constriction(gap: Array) -> float:
     """Return the largest h_c at which void leads along axis 0 from period to period without end; 0 without a way."""
     check_gap(gap)
-    bracket = _bracket(gap, endless)
+    bracket = _bracket(gap, lambda least: endless(gap >= least))
     if bracket is None:
         return 0.0
-    values = np.unique(gap.ravel()[_falling(gap, *bracket)])
+    values = np.unique(gap[(gap >= bracket[0]) & (gap < bracket[1])])
     while values.size > 1:
         upper = values[values.size // 2 :]
         values = upper if endless(gap >= upper[0]) else values[: values.size // 2]
     return float(values[0])
 
 
-def _bracket(gap: Array, connected: Callable[[Mask], bool]) -> tuple[float, float] | None:
+def _bracket(gap: Array, connected: Callable[[float], bool]) -> tuple[float, float] | None:
     """Return gaps low < high, where the elements of g ≥ low are connected, and those of g ≥ high are not."""
     open_gaps = gap[gap > 0.0]
     sample = np.unique(open_gaps[:: max(1, gap.size // _SAMPLE)])
@@ -76,56 +71,58 @@ def _bracket(gap: Array, connected: Callable[[Mask], bool]) -> tuple[float, floa
     low, high = 0, values.size - 1
     while high - low > _BRACKET:
         middle = (low + high) // 2
-        if connected(gap >= values[middle]):
+        if connected(values[middle]):
             low = middle
         else:
             high = middle
-    if low == 0 and not connected(gap > 0.0):
+    if low == 0 and not connected(values[0]):
         return None
     return float(values[low]), float(values[high])
 
 
-def _falling(gap: Array, low: float, high: float) -> Index:
-    """Return the flat indices of the elements with low ≤ g < high in the order of falling gap."""
-    flat = gap.ravel()
-    between = np.flatnonzero((flat >= low) & (flat < high))
-    return between[np.argsort(-flat[between], kind="stable")]
+@compiled
+def _invaded(gap: Array, axis: int, periodic: bool, least: float, flooded: float) -> int:
+    """Return the last element of the first complete path along an axis; -1 without a path of elements with g ≥ least.
 
-
-def _last_of_the_widest_way(labels: NDArray[np.integer], between: Index, axis: int, periodic: bool) -> int:
-    """Return the place, in the order of falling gap, of the narrowest element of the widest way along an axis.
-
-    Nodes are the two sides, the clusters of wider elements, and the elements ``between``. The weight of a joint is the
-    place of its narrower end.
+    Elements of the first side are wet, and so are elements of g ≥ flooded beside wet ones. Where that makes no path,
+    the widest dry element beside a wet one is next. Elements are flat indices.
     """
-    shape, clusters = labels.shape, int(labels.max())
-    node = labels.astype(np.int32)  # graphs of scipy before 1.17 have no larger ones
-    node.ravel()[between] = np.arange(between.size) + clusters + 1
-    inlet, outlet = 0, clusters + between.size + 1
-    place = np.concatenate([np.full(clusters + 1, -1), np.arange(between.size), [-1]])
-    here = np.stack(np.unravel_index(between, shape))
-    tails, heads = [], []
-    for along, step in ((0, 1), (0, -1), (1, 1), (1, -1)):
-        there = here.copy()
-        there[along] += step
-        if joined(axis, periodic)[along]:
-            there[along] %= shape[along]
-        inside = (there[along] >= 0) & (there[along] < shape[along])
-        tails.append(node[*here[:, inside]])
-        heads.append(node[*there[:, inside]])
-    for side, line in ((inlet, node.take(0, axis)), (outlet, node.take(-1, axis))):
-        heads.append(line)
-        tails.append(np.full(line.size, side, dtype=np.int32))
-    tail, head = np.concatenate(tails), np.concatenate(heads)
-    open_joint = head > 0  # no closed element
-    ends = np.sort([tail[open_joint], head[open_joint]], axis=0)
-    weight = np.maximum(place[ends[0]], place[ends[1]]) + 2.0
-    size = (outlet + 1, outlet + 1)
-    summed, count = (sparse.coo_array((w, ends), shape=size).tocsr() for w in (weight, np.ones_like(weight)))
-    summed.data /= count.data  # a joint found twice has its weight once
-    tree = csgraph.minimum_spanning_tree(summed)
-    _, before = csgraph.breadth_first_order(tree, inlet, directed=False)
-    last, at = -1, outlet
-    while at != inlet:
-        last, at = max(last, int(place[at])), int(before[at])
-    return last
+    rows, columns = gap.shape
+    wet, stack, shore = np.zeros(gap.size, np.bool_), np.empty(gap.size, np.int32), [(0.0, 0)]
+    shore.clear()
+    top, narrowest, latest = 0, flooded, -1
+    width = columns if axis == 0 else rows
+    last = (rows if axis == 0 else columns) - 1
+    for k in range(width):
+        here = k if axis == 0 else k * columns
+        if gap[here // columns, here % columns] >= least:
+            heapq.heappush(shore, (-gap[here // columns, here % columns], here))
+            wet[here] = True
+    while shore:
+        fall, here = heapq.heappop(shore)
+        if -fall < narrowest or (-fall == narrowest and here > latest >= 0):
+            narrowest, latest = -fall, here
+        stack[0], top = here, 1
+        while top:
+            top -= 1
+            i = stack[top] // columns
+            j = stack[top] - i * columns
+            if (i if axis == 0 else j) == last:
+                return latest if latest >= 0 else stack[top]
+            for side in range(4):
+                there, beside = i + (side == 0) - (side == 1), j + (side == 2) - (side == 3)
+                if periodic and axis == 1:
+                    there %= rows
+                if periodic and axis == 0:
+                    beside %= columns
+                if there < 0 or there == rows or beside < 0 or beside == columns:
+                    continue
+                at, width = there * columns + beside, gap[there, beside]
+                if width >= least and not wet[at]:
+                    wet[at] = True
+                    if width > narrowest or (width == narrowest and (latest < 0 or at <= latest)):
+                        stack[top] = at
+                        top += 1
+                    else:
+                        heapq.heappush(shore, (-width, at))
+    return -1

@@ -21,8 +21,7 @@ import numpy as np
 from roughvol.errors import ConvergenceError
 from roughvol.gap.clusters import check_gap
 from roughvol.gap.constriction import constriction
-from roughvol.gap.multigrid import Conductances
-from roughvol.gap.network import Network, differences, joints, surplus
+from roughvol.gap.network import Network, between_reservoirs, differences, faces, surplus
 from roughvol.typing import Array
 
 LEAST = 1e-8  # conductance of a closed element over that of the gap h
@@ -75,21 +74,17 @@ class FluidField:
         self._rate, self._cube = 3.0 * relative**2 / self._reference, cube
         self._k = np.minimum(cube, MOST) + least
         self._periodic = periodic
-        self._south, self._east = joints(self._k, 0, periodic=False), joints(self._k, 1, periodic)
-        own = np.zeros(self._k.shape)
-        own[0] = 2.0 * self._k[0]
-        own[-1] += 2.0 * self._k[-1]
-        self._network = Network(Conductances(self._south, self._east, own), direct=DIRECT)
+        self._down, self._east = faces(self._k, periodic)
+        self._network = Network(between_reservoirs(self._down, self._east), direct=DIRECT)
         self._falls = self._solved()
 
     def _solved(self) -> tuple[Array, Array]:
         """Set the pressure, and return its falls from row to row, ends included, and from column to column."""
         coarse, fine = np.zeros(self._k.shape), np.zeros(self._k.shape)
-        down = np.concatenate([2.0 * self._k[:1], self._south[:-1], 2.0 * self._k[-1:]])
         for correction in range(CORRECTIONS):
             falls = differences(coarse, 1.0) + differences(fine, 0.0)
             across = (coarse - np.roll(coarse, -1, axis=1)) + (fine - np.roll(fine, -1, axis=1))
-            more = self._network.solve(surplus(down * falls, self._east * across))
+            more = self._network.solve(surplus(self._down * falls, self._east * across))
             whole = fine if correction else coarse
             whole += more
             last = float(np.abs(more).max())

@@ -16,6 +16,7 @@ import numpy as np
 from scipy import linalg
 
 from roughvol.errors import ConvergenceError
+from roughvol.gap.compiled import compiled
 from roughvol.gap.multigrid import Conductances, Multigrid
 from roughvol.typing import Array
 
@@ -27,6 +28,7 @@ LOST = 1e5  # fall of a dissipation, after which residuals have lost digits that
 ROUNDING = 1e-12  # least excess over the dissipation at the start of a solve; the next solve takes it off
 SOLVES = 3  # the first solves, the second gives u the digits that P has not, the third takes rounding off
 CAUTION = 2.0  # the smallest Ritz value is above the eigenvalue; without it 7 of 224 flows were off by up to 1.4 times
+TINY = np.finfo(np.float64).tiny
 DIGITS = 1e-26  # of the energy of pressures that are wanted to 12 digits and more
 
 
@@ -42,9 +44,8 @@ class Network:
     """
 
     def __init__(self, conductances: Conductances, direct: int | None = None) -> None:
-        self._shape = conductances.own.shape
-        self._conductances, self._matrix = conductances, conductances.matrix()
-        self._inverse = Multigrid(conductances, self._matrix, direct)
+        self._conductances = conductances
+        self._inverse = Multigrid(conductances, direct)
         self.exact = self._inverse.exact
         self._smallest = 1.0  # eigenvalue of M A that the steps have met
 
@@ -69,34 +70,41 @@ class Network:
         ``allowed`` returns what may be left of the fall that was reached. Without convergence in `STEPS` steps the grid
         is factorised, or if it is too large, a `ConvergenceError` is raised.
         """
-        left, pressure, direction = inflow.ravel().copy(), np.zeros(inflow.size), np.zeros(inflow.size)
+        left, pressure, direction = inflow.copy(), np.zeros(inflow.shape), np.zeros(inflow.shape)
         fallen, product, steps, turns = 0.0, np.inf, list[float](), list[float]()
         while not self.exact and len(steps) < STEPS:
-            towards = self._inverse(left).astype(np.float64, copy=False)
-            before, product = product, float(left @ towards)
+            towards = self._inverse(left)
+            before, product = product, float(np.vdot(left, towards))
             if steps:
                 self._smallest = min(self._smallest, smallest(steps, turns))
             to_come = CAUTION * abs(product) / self._smallest
             if (steps or product <= 0.0) and to_come <= allowed(fallen):
-                return pressure.reshape(self._shape), to_come, fallen
+                return pressure, to_come, fallen
             if product <= 0.0:  # the inverse has 32 bits, and is not positive here
                 break
             turns.append(product / before)
-            direction *= turns[-1]
-            direction += towards
-            outflow = self._matrix @ direction
-            steps.append(product / float(direction @ outflow))
-            pressure += steps[-1] * direction
-            outflow *= steps[-1]
-            left -= outflow
+            _add(towards, turns[-1], direction)
+            direction = towards
+            outflow = self._conductances.outflow(direction)
+            steps.append(product / float(np.vdot(direction, outflow)))
+            _add(pressure, steps[-1], direction)
+            _add(left, -steps[-1], outflow)
             fallen += steps[-1] * product
         if not self.exact and inflow.size > FACTORISED:
             message = f"the flow through {inflow.size} elements did not converge in {len(steps)} steps"
             raise ConvergenceError(message, indentation=np.nan, iterations=len(steps), residual=to_come)
         if not self.exact:
-            self._inverse, self.exact = Multigrid(self._conductances, self._matrix, inflow.size), True
-        pressure = self._inverse(inflow.ravel())
-        return pressure.reshape(self._shape), 0.0, float(pressure @ inflow.ravel())
+            self._inverse, self.exact = Multigrid(self._conductances, inflow.size), True
+        pressure = self._inverse(inflow)
+        return pressure, 0.0, float(np.vdot(pressure, inflow))
+
+
+@compiled
+def _add(field: Array, factor: float, other: Array) -> None:
+    """Add a multiple of another field of the same shape."""
+    for i in range(field.shape[0]):
+        for j in range(field.shape[1]):
+            field[i, j] += factor * other[i, j]
 
 
 def smallest(steps: list[float], turns: list[float]) -> float:
@@ -150,36 +158,58 @@ def flow_through(down: Array, east: Array, accuracy: float = ACCURACY, start: Ar
     Flow
         Fluxes, their dissipation, and pressures.
     """
-    south, own = down[1:].copy(), np.zeros(east.shape)
-    own[0], south[-1] = down[0], 0.0
-    own[-1] += down[-1]
-    network = Network(Conductances(south, east, own))
-    del south, own
+    network = Network(between_reservoirs(down, east))
     u = np.zeros(east.shape) if start is None else start.copy()
-    nearer: Array | None = None
-
-    def fluxes() -> tuple[Array, Array, float]:
-        falls, across = differences(u, 1.0 if nearer is None else 0.0), u - np.roll(u, -1, axis=1)
-        if nearer is not None:
-            falls += differences(nearer, 1.0)
-            across += nearer - np.roll(nearer, -1, axis=1)
-        through, aside = down * falls, east * across
-        return through, aside, float(np.vdot(through, falls) + np.vdot(aside, across))
-
-    through, aside, dissipation = fluxes()
+    nearer, ends = np.zeros(east.shape), (1.0, 0.0)
+    through, aside, dissipation = _fluxes(down, east, u, nearer, *ends)
     for attempt in range(SOLVES):
         before = dissipation
         least = ROUNDING if attempt + 1 < SOLVES else 0.0
         more, error = network.correction(surplus(through, aside), dissipation, accuracy, least)
         u += more
-        through, aside, dissipation = fluxes()
+        through, aside, dissipation = _fluxes(down, east, u, nearer, *ends)
         if accuracy > REFINED and not network.exact and before < LOST * dissipation:
             break
         if attempt == 0:
-            nearer = (u > 0.5).astype(np.float64)
+            nearer, ends = (u > 0.5).astype(np.float64), (0.0, 1.0)
             u -= nearer
-            through, aside, dissipation = fluxes()
-    return Flow(through, aside, dissipation, error, u if nearer is None else nearer + u)
+            through, aside, dissipation = _fluxes(down, east, u, nearer, *ends)
+    return Flow(through, aside, dissipation, error, nearer + u)
+
+
+def between_reservoirs(down: Array, east: Array) -> Conductances:
+    """Return the conductances of a grid whose first and last lines lead to reservoirs."""
+    south, own = down[1:].copy(), np.zeros(east.shape)
+    own[0], south[-1] = down[0], 0.0
+    own[-1] += down[-1]
+    return Conductances(south, east, own)
+
+
+@compiled
+def _fluxes(
+    down: Array, east: Array, fine: Array, whole: Array, fine_inlet: float, whole_inlet: float
+) -> tuple[Array, Array, float]:
+    """Return the fluxes through the faces and their dissipation, for pressures that are the sum of two fields.
+
+    Pressures of the inlet are given for both fields, pressures of the outlet are 0.
+    """
+    rows, columns = east.shape
+    through, aside, dissipation = np.empty(down.shape), np.empty(east.shape), 0.0
+    for i in range(rows + 1):
+        of_line = 0.0  # sums of lines keep the digits of a sum over millions
+        for j in range(columns):
+            fall = (fine[i - 1, j] if i else fine_inlet) - (fine[i, j] if i < rows else 0.0)
+            fall += (whole[i - 1, j] if i else whole_inlet) - (whole[i, j] if i < rows else 0.0)
+            through[i, j] = down[i, j] * fall
+            of_line += through[i, j] * fall
+        if i < rows:
+            for j in range(columns):
+                on = j + 1 if j + 1 < columns else 0
+                fall = (fine[i, j] - fine[i, on]) + (whole[i, j] - whole[i, on])
+                aside[i, j] = east[i, j] * fall
+                of_line += aside[i, j] * fall
+        dissipation += of_line
+    return through, aside, dissipation
 
 
 def flow_around(conductances: Conductances, accuracy: float = ACCURACY) -> float:
@@ -205,9 +235,15 @@ def flow_around(conductances: Conductances, accuracy: float = ACCURACY) -> float
     return dissipation
 
 
+@compiled
 def surplus(down: Array, east: Array) -> Array:
     """Return the flow into each element, from fluxes of the shapes of `Flow`."""
-    return down[:-1] - down[1:] + np.roll(east, 1, axis=1) - east
+    rows, columns = east.shape
+    inflow = np.empty(east.shape)
+    for i in range(rows):
+        for j in range(columns):
+            inflow[i, j] = down[i, j] - down[i + 1, j] + east[i, j - 1 if j else columns - 1] - east[i, j]
+    return inflow
 
 
 def differences(field: Array, inlet: float) -> Array:
@@ -218,14 +254,36 @@ def differences(field: Array, inlet: float) -> Array:
     return falls
 
 
+@compiled
+def faces(k: Array, periodic: bool) -> tuple[Array, Array]:
+    """Return the conductances of the faces of elements, of the shapes of `flow_through`, from those of the elements.
+
+    Neighbours are joined by the harmonic mean, a reservoir and its neighbour by 2k. Faces between the last and the
+    first column conduct in a period alone.
+    """
+    rows, columns = k.shape
+    down, east = np.empty((rows + 1, columns)), np.empty(k.shape)
+    for j in range(columns):
+        down[0, j], down[rows, j] = 2.0 * k[0, j], 2.0 * k[rows - 1, j]
+    for i in range(rows):
+        for j in range(columns):
+            on = j + 1 if j + 1 < columns else 0
+            east[i, j] = _harmonic(k[i, j], k[i, on]) if on or periodic else 0.0
+            if i + 1 < rows:
+                down[i + 1, j] = _harmonic(k[i, j], k[i + 1, j])
+    return down, east
+
+
+@compiled
 def harmonic(a: Array, b: Array) -> Array:
-    """Return 2ab/(a + b), 0 where one of them is."""
-    return 2.0 * a * b / np.maximum(a + b, np.finfo(np.float64).tiny)
+    """Return 2ab/(a + b) of two fields of the same shape, 0 where one of them is."""
+    mean = np.empty(a.shape)
+    for i in range(a.shape[0]):
+        for j in range(a.shape[1]):
+            mean[i, j] = _harmonic(a[i, j], b[i, j])
+    return mean
 
 
-def joints(k: Array, axis: int, periodic: bool) -> Array:
-    """Return the conductances between successive lines, those of the last to the first line 0 or of a period."""
-    between = harmonic(k, np.roll(k, -1, axis=axis))
-    if not periodic:
-        np.moveaxis(between, axis, 0)[-1] = 0.0
-    return between
+@compiled
+def _harmonic(a: float, b: float) -> float:
+    return 2.0 * a * b / max(a + b, TINY)

@@ -35,9 +35,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from roughvol.gap.clusters import SIDES, check_exponent, labelled, spanned
+from roughvol.gap.compiled import compiled
 from roughvol.gap.constriction import constriction, endless_constriction
 from roughvol.gap.multigrid import Conductances
-from roughvol.gap.network import ACCURACY, Flow, flow_around, flow_through, joints
+from roughvol.gap.network import ACCURACY, Flow, faces, flow_around, flow_through, harmonic
 from roughvol.typing import Array
 
 _WINDOW = 1e7
@@ -142,8 +143,7 @@ def conduction(
     along = gap if axis == 0 else np.ascontiguousarray(gap.T)
     k = _conductance(along, critical, exponent)
     k[~spanned(k > 0.0, periodic)] = 0.0
-    down = np.concatenate([2.0 * k[:1], joints(k, 0, periodic=False)[:-1], 2.0 * k[-1:]])
-    east = joints(k, 1, periodic)
+    down, east = faces(k, periodic)
     del k
     flow = flow_through(down, east, accuracy, start if start is None or axis == 0 else start.T)
     # over the flux between the plates, as many elements apart, under the same drop of pressure
@@ -170,7 +170,8 @@ def cell_conduction(gap: Array, axis: int, exponent: float = 3.0, *, accuracy: f
     first = np.unique(labels, return_index=True)[1][int(not np.all(k > 0.0)) :]
     own = np.zeros(k.shape)
     own.ravel()[first] = k.ravel()[first]
-    drop = flow_around(Conductances(joints(k, 0, periodic=True), joints(k, 1, periodic=True), own), accuracy)
+    south, east = (harmonic(k, np.roll(k, -1, axis)) for axis in (0, 1))
+    drop = flow_around(Conductances(south, east, own), accuracy)
     return drop / gap.size * _over_plates(gap, critical, exponent)
 
 
@@ -180,9 +181,17 @@ def _conductance(gap: Array, critical: float, exponent: float) -> Array:
     The ratio of gaps is cut before its power, which could leave the range of doubles.
     """
     widest = np.exp(min(np.log(_WINDOW) / exponent, 700.0))
-    ratio = np.minimum(gap / critical, widest)
-    k = np.minimum(ratio * ratio * ratio if exponent == 3.0 else ratio**exponent, _WINDOW)
-    k[ratio * widest < 1.0] = 0.0
+    return _powers(gap, critical, exponent, float(widest))
+
+
+@compiled
+def _powers(gap: Array, critical: float, exponent: float, widest: float) -> Array:
+    k = np.empty(gap.shape)
+    for i in range(gap.shape[0]):
+        for j in range(gap.shape[1]):
+            ratio = min(gap[i, j] / critical, widest)
+            power = ratio * ratio * ratio if exponent == 3.0 else ratio**exponent
+            k[i, j] = min(power, _WINDOW) if ratio * widest >= 1.0 else 0.0
     return k
 
 

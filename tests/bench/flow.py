@@ -47,6 +47,7 @@ def states(m: int) -> None:
     """Print the seconds of a sweep, and of its flows at several accuracies with their errors."""
     found, contact = timed(lambda: gaps(m))
     print(f"{found[0].shape[0]}^2, {STATES} states to A* = {np.mean(found[-1] == 0.0):.3f}: contact {contact:.2f} s")
+    followed(found[:1], 1e-3)  # loads compiled code
     for accuracy in (1e-3, 1e-4):
         _, seconds = timed(lambda at=accuracy: followed(found, at))
         print(f"flows to {accuracy:.0e}: {seconds:.2f} s, {seconds / contact:.2f} of the contact")
@@ -89,7 +90,7 @@ def peer(n: int) -> None:
     z = random_midpoint_displacement(2.2, int(np.log2(n)), seed=0).heights[:n, :n]
     gap = np.maximum(np.quantile(z, 0.9) - z, 0.0)
     gap[:, 0] = 0.0  # a wall: periodic sideways is then closed sideways
-    exact = conduction(gap, 0, accuracy=1e-11)
+    exact = conduction(gap, 0, accuracy=1e-11)  # and loads compiled code
     plates = gap.mean() ** 3 * gap.shape[1] / len(gap)
 
     def theirs() -> float:

@@ -83,8 +83,8 @@ def test_multigrid_finds_the_flow_of_the_factorisation(name: str, monkeypatch: p
     exact = FLOWS[name](accuracy=1e-11)
     assert_allclose(getattr(found, "coefficient", found), getattr(exact, "coefficient", exact), rtol=1e-9)
     if hasattr(found, "flux"):
-        assert found.conservation_error < 1e-5
-        # flux in wide water costs no dissipation, so it is less exact than the flow: most in the straits, 6e-5
+        # flux in wide water costs no dissipation, so it is less exact than the flow: most in the straits
+        assert found.conservation_error < 1e-4
         assert_allclose(found.flux, exact.flux, rtol=1e-4, atol=1e-4 * exact.flux.max())
 
 
@@ -114,7 +114,7 @@ def grid(south: np.ndarray, east: np.ndarray) -> Conductances:
 
 @pytest.mark.parametrize("shape", [(2, 9), (9, 2), (1, 7), (7, 1), (5, 6)])
 @pytest.mark.parametrize("around", [False, True])
-def test_the_matrix_of_a_grid_is_that_of_its_joints(shape: tuple[int, int], around: bool) -> None:
+def test_matrix_and_outflow_of_a_grid_are_those_of_its_joints(shape: tuple[int, int], around: bool) -> None:
     random = np.random.default_rng(sum(shape))
     south, east = random.random((2, *shape))
     if not around:
@@ -126,13 +126,14 @@ def test_the_matrix_of_a_grid_is_that_of_its_joints(shape: tuple[int, int], arou
         flux = joints * (p - np.roll(p, -1, axis))
         out += flux - np.roll(flux, 1, axis)
     assert_allclose((network.matrix() @ p.ravel()).reshape(shape), out, atol=1e-14)
+    assert_allclose(network.outflow(p), out, atol=1e-14)
 
 
 def test_the_cycle_is_symmetric_and_positive() -> None:
     random = np.random.default_rng(0)
     south, east = np.exp(random.uniform(-12.0, 12.0, (2, 20, 30)))
     network = grid(south, east)
-    cycle = Multigrid(network, network.matrix(), direct=30)
-    inverse = np.array([cycle(unit) for unit in np.eye(600)])
+    cycle = Multigrid(network, direct=30)
+    inverse = np.array([cycle(unit.reshape(20, 30)).ravel() for unit in np.eye(600)])
     assert_allclose(inverse, inverse.T, rtol=1e-6, atol=1e-9 * np.abs(inverse).max())
     assert np.linalg.eigvalsh(0.5 * (inverse + inverse.T)).min() > 0.0

@@ -1,0 +1,254 @@
+"""Aggregates of elements that are joined by conductances, and the graph of the aggregates.
+
+Conductances span decades, also between neighbours. An aggregate must not join waters on both sides of a closed place.
+Elements of a block of 2 × 2 belong to one aggregate if a chain of strong joints connects them. A joint is strong if its
+conductance is at least `STRONG` times the largest conductance at either end. An element without a strong joint in its
+block takes its best joint, if that joint is strong for this element. Aggregates are joined by the sum of the
+conductances between their elements times `STRETCHED`, because the way between the centres is longer. They lie in blocks
+of twice the size, and so on. Aggregation after Notay, Electronic Transactions on Numerical Analysis 37 (2010) 123-146;
+the scaled coarse matrix after Braess, Computing 55 (1995) 379-393.
+
+Elements of a grid that do not conduct have the number -1. Joints of the last line of a grid lead to the first.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roughvol.gap.compiled import compiled
+from roughvol.typing import Array
+
+STRONG, STRETCHED = 0.25, 0.7
+Numbers = NDArray[np.int32]
+
+
+class Graph(NamedTuple):
+    """Aggregates, the blocks in which they lie, and their joints.
+
+    Attributes
+    ----------
+    starts : place of the first joint of each aggregate, and of the end of the last.
+    heads, weight : aggregate at the other end, and conductance, of each joint; a joint is listed at both ends.
+    own : conductances to pressures that are held.
+    row, column : of the block.
+    """
+
+    starts: Numbers
+    heads: Numbers
+    weight: Array
+    own: Array
+    row: Numbers
+    column: Numbers
+
+
+@compiled
+def of_grid(south: Array, east: Array, own: Array) -> tuple[Numbers, int]:
+    """Return the aggregate of each element, shape (rows, columns), and how many there are."""
+    rows, columns = own.shape
+    number, count = np.empty((rows, columns), np.int32), 0
+    for i in range(0, rows, 2):
+        high = i + 1 < rows
+        for j in range(0, columns, 2):
+            wide = j + 1 < columns
+            # the elements a b, and c d below them
+            a = _largest(south, east, own, i, j)
+            b = _largest(south, east, own, i, j + 1) if wide else 0.0
+            c = _largest(south, east, own, i + 1, j) if high else 0.0
+            d = _largest(south, east, own, i + 1, j + 1) if high and wide else 0.0
+            ab, ac = east[i, j] if wide else 0.0, south[i, j] if high else 0.0
+            cd, bd = (east[i + 1, j], south[i, j + 1]) if high and wide else (0.0, 0.0)
+            join_ab, join_cd = _strong(ab, max(a, b)), _strong(cd, max(c, d))
+            join_ac, join_bd = _strong(ac, max(a, c)), _strong(bd, max(b, d))
+            lone_a, lone_b = not (join_ab or join_ac), not (join_ab or join_bd)
+            lone_c, lone_d = not (join_cd or join_ac), not (join_cd or join_bd)
+            # of equal joints the first alone: two might lead into two waters
+            join_ac |= (lone_a and ac >= ab and _strong(ac, a)) or (lone_c and ac >= cd and _strong(ac, c))
+            join_bd |= (lone_b and bd >= ab and _strong(bd, b)) or (lone_d and bd >= cd and _strong(bd, d))
+            join_ab |= (lone_a and ab > ac and _strong(ab, a)) or (lone_b and ab > bd and _strong(ab, b))
+            join_cd |= (lone_c and cd > ac and _strong(cd, c)) or (lone_d and cd > bd and _strong(cd, d))
+            if a > 0.0:
+                number[i, j] = count
+                count += 1
+            else:
+                number[i, j] = -1
+            if wide:
+                if join_ab or (join_ac and join_cd and join_bd):
+                    number[i, j + 1] = number[i, j]
+                elif b > 0.0:
+                    number[i, j + 1] = count
+                    count += 1
+                else:
+                    number[i, j + 1] = -1
+            if high:
+                if join_ac or (join_ab and join_bd and join_cd):
+                    number[i + 1, j] = number[i, j]
+                elif join_bd and join_cd:
+                    number[i + 1, j] = number[i, j + 1]
+                elif c > 0.0:
+                    number[i + 1, j] = count
+                    count += 1
+                else:
+                    number[i + 1, j] = -1
+            if high and wide:
+                if join_bd:
+                    number[i + 1, j + 1] = number[i, j + 1]
+                elif join_cd:
+                    number[i + 1, j + 1] = number[i + 1, j]
+                elif d > 0.0:
+                    number[i + 1, j + 1] = count
+                    count += 1
+                else:
+                    number[i + 1, j + 1] = -1
+    return number, count
+
+
+@compiled
+def _largest(south: Array, east: Array, own: Array, i: int, j: int) -> float:
+    """Return the largest conductance at an element of a grid."""
+    before, behind = south[i - 1 if i else own.shape[0] - 1, j], east[i, j - 1 if j else own.shape[1] - 1]
+    return max(max(own[i, j], max(south[i, j], east[i, j])), max(before, behind))
+
+
+@compiled
+def _strong(joint: float, largest: float) -> bool:
+    return joint > 0.0 and joint >= STRONG * largest
+
+
+@compiled
+def graph_of_grid(south: Array, east: Array, own: Array, number: Numbers, count: int) -> Graph:
+    """Return the graph of the aggregates of a grid."""
+    rows, columns = own.shape
+    held, row, column = np.zeros(count), np.empty(count, np.int32), np.empty(count, np.int32)
+    size = 0
+    for i in range(rows):
+        below = i + 1 if i + 1 < rows else 0
+        for j in range(columns):
+            size += number[below, j] != number[i, j]
+            size += number[i, j + 1 if j + 1 < columns else 0] != number[i, j]
+    tails, heads, weight, end = np.empty(size, np.int32), np.empty(size, np.int32), np.empty(size), 0
+    for i in range(rows):
+        below = i + 1 if i + 1 < rows else 0
+        for j in range(columns):
+            tail = number[i, j]
+            if tail < 0:
+                continue
+            held[tail] += STRETCHED * own[i, j]
+            row[tail], column[tail] = i // 2, j // 2
+            head = number[below, j]
+            if head != tail and south[i, j] > 0.0:
+                tails[end], heads[end], weight[end] = tail, head, STRETCHED * south[i, j]
+                end += 1
+            head = number[i, j + 1 if j + 1 < columns else 0]
+            if head != tail and east[i, j] > 0.0:
+                tails[end], heads[end], weight[end] = tail, head, STRETCHED * east[i, j]
+                end += 1
+    starts, heads, weight = _by_rows(tails[:end], heads[:end], weight[:end], count)
+    return Graph(starts, heads, weight, held, row, column)
+
+
+@compiled
+def of_graph(
+    starts: Numbers, heads: Numbers, weight: Array, own: Array, row: Numbers, column: Numbers
+) -> tuple[Numbers, int]:
+    """Return the aggregate of each node of a `Graph` in its block of twice the size, and how many there are."""
+    largest = own.copy()
+    for node in range(own.size):
+        for k in range(starts[node], starts[node + 1]):
+            largest[node] = max(largest[node], weight[k])
+    chain = np.arange(own.size).astype(np.int32)
+    for node in range(own.size):
+        best, to, alone = 0.0, -1, True
+        for k in range(starts[node], starts[node + 1]):
+            head = heads[k]
+            same_block = row[head] >> 1 == row[node] >> 1 and column[head] >> 1 == column[node] >> 1
+            if same_block and weight[k] >= STRONG * largest[node]:
+                if weight[k] > best:
+                    best, to = weight[k], head
+                if weight[k] >= STRONG * largest[head]:
+                    alone = False
+                    _join(chain, node, head)
+        if alone and to >= 0:
+            _join(chain, node, to)
+    number, count = np.empty(own.size, np.int32), 0
+    for node in range(own.size):
+        if chain[node] == node:
+            number[node] = count
+            count += 1
+        else:
+            number[node] = number[_root(chain, node)]
+    return number, count
+
+
+@compiled
+def _root(chain: Numbers, node: int) -> int:
+    """Return the first node of a chain, and shorten the chain on the way."""
+    while chain[node] != node:
+        chain[node] = chain[chain[node]]
+        node = chain[node]
+    return node
+
+
+@compiled
+def _join(chain: Numbers, one: int, other: int) -> None:
+    """Join the chains of two nodes under the smaller number."""
+    one, other = _root(chain, one), _root(chain, other)
+    chain[max(one, other)] = min(one, other)
+
+
+@compiled
+def graph_of_graph(
+    starts: Numbers,
+    heads: Numbers,
+    weight: Array,
+    own: Array,
+    row: Numbers,
+    column: Numbers,
+    number: Numbers,
+    count: int,
+) -> Graph:
+    """Return the graph of the aggregates of a `Graph`."""
+    held, rows, columns = np.zeros(count), np.empty(count, np.int32), np.empty(count, np.int32)
+    size = heads.size // 2
+    tail, head, joint, end = np.empty(size, np.int32), np.empty(size, np.int32), np.empty(size), 0
+    for node in range(own.size):
+        here = number[node]
+        held[here] += STRETCHED * own[node]
+        rows[here], columns[here] = row[node] // 2, column[node] // 2
+        for k in range(starts[node], starts[node + 1]):
+            if heads[k] > node and number[heads[k]] != here:
+                tail[end], head[end], joint[end] = here, number[heads[k]], STRETCHED * weight[k]
+                end += 1
+    first, ends, joints = _by_rows(tail[:end], head[:end], joint[:end], count)
+    return Graph(first, ends, joints, held, rows, columns)
+
+
+@compiled
+def _by_rows(tails: Numbers, heads: Numbers, weight: Array, count: int) -> tuple[Numbers, Numbers, Array]:
+    """Return the joints of each of ``count`` nodes, sums of those to the same head, as in `Graph`."""
+    place = np.zeros(count + 1, np.int32)
+    for k in range(tails.size):
+        place[tails[k]] += 1
+        place[heads[k]] += 1
+    end = 0
+    for node in range(count + 1):
+        place[node], end = end, end + place[node]
+    ends, joints, at = np.empty(end, np.int32), np.empty(end), place[:count].copy()
+    for k in range(tails.size):
+        tail, head = tails[k], heads[k]
+        ends[at[tail]], joints[at[tail]] = head, weight[k]
+        ends[at[head]], joints[at[head]] = tail, weight[k]
+        at[tail] += 1
+        at[head] += 1
+    starts, found, end = np.zeros(count + 1, np.int32), np.full(count, -1, np.int32), 0
+    for node in range(count):
+        for k in range(place[node], place[node + 1]):
+            head = ends[k]
+            if found[head] < starts[node]:
+                found[head] = end
+                ends[end], joints[end] = head, joints[k]
+                end += 1
+            else:
+                joints[found[head]] += joints[k]
+        starts[node + 1] = end
+    return starts, ends[:end], joints[:end]

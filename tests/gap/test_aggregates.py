@@ -1,0 +1,103 @@
+"""Aggregates of elements, and their graph, against dense matrices."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from roughvol.gap import aggregates
+from roughvol.gap.aggregates import STRETCHED, Graph
+from roughvol.gap.compiled import compiled
+from roughvol.gap.multigrid import Conductances
+
+SHAPES = [(8, 8), (9, 6), (7, 11), (1, 9), (6, 1), (2, 5)]
+
+
+def decades(shape: tuple[int, int], seed: int) -> Conductances:
+    """Conductances over eight decades, a third of the joints closed, some of them around."""
+    random = np.random.default_rng(seed)
+    south, east = 10.0 ** random.uniform(-8.0, 0.0, (2, *shape)) * (random.random((2, *shape)) > 0.35)
+    own = np.zeros(shape)
+    own[0] = random.random(shape[1])
+    return Conductances(south, east, own)
+
+
+def dense(graph: Graph) -> np.ndarray:
+    """Return the matrix of the joints of a graph."""
+    joints = np.zeros((graph.own.size, graph.own.size))
+    for node in range(graph.own.size):
+        for k in range(graph.starts[node], graph.starts[node + 1]):
+            joints[node, graph.heads[k]] += graph.weight[k]
+    return joints
+
+
+def summed(joints: np.ndarray, number: np.ndarray, count: int) -> np.ndarray:
+    """Return the joints between aggregates."""
+    member = (number.ravel()[:, None] == np.arange(count)).astype(float)
+    between = STRETCHED * member.T @ joints @ member
+    np.fill_diagonal(between, 0.0)
+    return between
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("seed", range(4))
+def test_joints_of_aggregates_are_the_scaled_sums_of_those_of_their_elements(shape: tuple[int, int], seed: int) -> None:
+    grid = decades(shape, seed)
+    matrix = grid.matrix().toarray()
+    number, count = aggregates.of_grid(*grid)
+    graph = aggregates.graph_of_grid(*grid, number, count)
+    joints = np.diag(matrix.diagonal()) - matrix
+    while True:
+        assert_allclose(dense(graph), summed(joints, number, count), rtol=1e-13)
+        held = [STRETCHED * own[number.ravel() == k].sum() for own in [grid.own.ravel()] for k in range(count)]
+        assert_allclose(graph.own, held, rtol=1e-13)
+        if count == 1 or (graph.row.max() == 0 and graph.column.max() == 0):
+            break
+        joints, grid = dense(graph), Conductances(graph.weight, graph.weight, graph.own)
+        number, count = aggregates.of_graph(*graph)
+        graph = aggregates.graph_of_graph(*graph, number, count)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("seed", range(4))
+def test_an_aggregate_is_a_chain_of_strong_joints_in_one_block(shape: tuple[int, int], seed: int) -> None:
+    grid = decades(shape, seed)
+    number, count = aggregates.of_grid(*grid)
+    assert sorted(set(number[number >= 0].tolist())) == list(range(count))
+    conducts = grid.matrix().diagonal().reshape(shape) > 0.0
+    assert np.array_equal(number >= 0, conducts)
+    largest = np.maximum(grid.own, np.maximum(grid.south, grid.east))
+    largest = np.maximum(largest, np.maximum(np.roll(grid.south, 1, 0), np.roll(grid.east, 1, 1)))
+    for aggregate in range(count):
+        elements = [tuple(at) for at in np.argwhere(number == aggregate).tolist()]
+        assert len({(i // 2, j // 2) for i, j in elements}) == 1
+        reached, waiting = set(), elements[:1]
+        while waiting:
+            i, j = waiting.pop()
+            reached.add((i, j))
+            for other, joint in (
+                ((i ^ 1, j), grid.south[min(i, i ^ 1), j]),
+                ((i, j ^ 1), grid.east[i, min(j, j ^ 1)]),
+            ):
+                if other in elements and other not in reached:
+                    strong = joint >= aggregates.STRONG * min(largest[i, j], largest[other])
+                    if joint > 0.0 and strong:
+                        waiting.append(other)
+        assert reached == set(elements)
+
+
+def test_without_a_folder_for_compiled_code_a_function_is_compiled_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    njit = numba.njit
+
+    def without_cache(*functions, cache: bool = False):
+        if cache:
+            raise RuntimeError("cannot cache function: no locator available")
+        return njit(*functions)
+
+    monkeypatch.setattr(numba, "njit", without_cache)
+    total = compiled(lambda field: field.sum())
+    assert total(np.ones(3)) == 3.0
