@@ -34,6 +34,7 @@ from roughvol.typing import Array
 LAWS = ("kinetic", "slip", "viscous")
 WINDOW = 1e7  # of conductances over that of the critical constriction, as in `transport`
 TURNS = 60  # largest number of iterations
+CAUTION = 2.0  # the last change is no bound of the changes to come
 LAST, INNER = 0.1, 0.01  # over the accuracy: relative change of the flow at the last turn; error of the flow of a turn
 SLIP = 6.0  # of Maxwell's slip velocity λ du/dz, walls of diffuse reflection
 # Q = a D + b + c/D + d/D² from each D on (Fukui & Kaneko 1990)
@@ -53,12 +54,14 @@ class GasFlow(NamedTuple):
     Attributes
     ----------
     coefficient : throughput over that of viscous flow between two smooth plates at the mean gap.
+    error : estimated relative error of the coefficient, from its last two changes and the error of the last flow.
     knudsen : λ at the mean of both pressures over the critical constriction; infinite without a way.
     conservation_error : as that of `transport.Conduction`.
     turns : iterations.
     """
 
     coefficient: float
+    error: float
     knudsen: float
     conservation_error: float
     turns: int
@@ -129,7 +132,7 @@ def conduction_of_gas(
         raise ContactError(f"{given}; allowed: {', '.join(LAWS)}, > 0, 0 <= outlet < 1")
     critical = constriction(gap, axis, periodic=periodic).gap
     if critical == 0.0:
-        return GasFlow(0.0, math.inf, 0.0, 0)
+        return GasFlow(0.0, 0.0, math.inf, 0.0, 0)
     along, free = (gap if axis == 0 else np.ascontiguousarray(gap.T)), path / critical
     wide = np.minimum(along / critical, math.sqrt(WINDOW))  # in free molecular flow g² counts
     middle = 0.5 * (1.0 + outlet)
@@ -137,17 +140,17 @@ def conduction_of_gas(
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(wide > 0.0, local_flow(law, wide, middle, free), 0.0) / at_critical
     flowing = spanned(share >= 1.0 / WINDOW, periodic)
-    throughput, error, turns = _iterated(np.where(flowing, wide, 0.0), law, free, outlet, periodic, accuracy)
+    throughput, error, unequal, turns = _iterated(np.where(flowing, wide, 0.0), law, free, outlet, periodic, accuracy)
     (rows, columns), largest = along.shape, float(gap.max())
     mean = largest / critical * float(np.mean(gap / largest))
     plates = mean**3 * 0.5 * (1.0 - outlet**2) * columns / rows
-    return GasFlow(throughput / plates, free / middle, error, turns)
+    return GasFlow(throughput / plates, error, free / middle, unequal, turns)
 
 
 def _iterated(
     gap: Array, law: str, path: float, outlet: float, periodic: bool, accuracy: float
-) -> tuple[float, float, int]:
-    """Return the throughput along axis 0 times 12 μ, its error, and iterations; lengths are over the constriction."""
+) -> tuple[float, float, float, int]:
+    """Return the throughput along axis 0 times 12 μ, both errors, and iterations; lengths are over the constriction."""
     slip = {"viscous": 0.0, "slip": SLIP, "kinetic": 1.5 * SLIP}[law] * path
     inlet_s, outlet_s = 0.5 + slip, outlet * (0.5 * outlet + slip)
     drop = inlet_s - outlet_s
@@ -196,7 +199,7 @@ def _iterated(
     p = pressure_of(share)
     down_faces, across_faces = 0.5 * (p[:-1] + p[1:]), 0.5 * (p + np.roll(p, -1, axis=1))
     ends = (np.ones(gap.shape[1]), np.full(gap.shape[1], outlet))
-    before = math.nan
+    before = change = math.nan
     for turn in range(1, TURNS + 1):
         inner, down_faces = conductances(np.stack([p[:-1], p[1:]]), down_faces, gap[:-1], gap[1:])
         across, across_faces = conductances(np.stack([p, np.roll(p, -1, axis=1)]), across_faces, gap, beside)
@@ -207,9 +210,11 @@ def _iterated(
             for line, end in zip((0, -1), ends, strict=True)
         ]
         flow = flow_through(np.vstack([outer[0], inner, outer[1]]), across, INNER * accuracy, share)
-        if abs(flow.dissipation - before) <= LAST * accuracy * flow.dissipation:
+        change, last = abs(flow.dissipation / before - 1.0), change
+        error = CAUTION * np.fmax(change, LAST * last) + flow.error  # a change may be small by chance
+        if change <= LAST * accuracy and error <= accuracy:
             unequal = max(abs(float(flow.down[line].sum()) - flow.dissipation) for line in (0, -1))
-            return flow.dissipation * drop, unequal / flow.dissipation, turn
+            return flow.dissipation * drop, float(error), unequal / flow.dissipation, turn
         before, share = flow.dissipation, flow.pressure
         p = pressure_of(np.where(gap > 0.0, share, 0.5))
     message = f"the flow of the gas still changes after {TURNS} iterations"

@@ -180,6 +180,7 @@ def gas_flow(view: View) -> Values:
     flows = _along(conduction_of_gas, view.gap, gas.law, gas.mean_free_path, gas.outlet, **_of_flow(view))
     return {
         "gas_transmissivity": [flow.coefficient for flow in flows],
+        "gas_transmissivity_error": max(flow.error for flow in flows),
         "knudsen_number": [flow.knudsen for flow in flows],
     }
 

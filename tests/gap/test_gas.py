@@ -139,6 +139,19 @@ def test_more_slips_through_with_a_longer_path(law: str) -> None:
     assert all(one < other for one, other in pairwise(flows))
 
 
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("accuracy", [1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize(("path", "outlet", "seed"), [(0.01, 0.0, 1), (0.1, 0.5, 2), (10.0, 0.1, 3)])
+def test_a_throughput_is_within_its_stated_error(
+    law: str, accuracy: float, path: float, outlet: float, seed: int
+) -> None:
+    gap = rough(0.25, seed, D=2.4)
+    exact = flow(gap, 0, law, path, outlet)
+    found = gas.conduction_of_gas(gap, 0, law, path, outlet, accuracy=accuracy)
+    assert found.error <= accuracy
+    assert abs(found.coefficient / exact - 1.0) <= found.error + 1e-9
+
+
 @pytest.mark.parametrize(("law", "path", "outlet"), [("knudsen", 1.0, 0.5), ("slip", -1.0, 0.5), ("slip", 1.0, 1.0)])
 def test_refused(law: str, path: float, outlet: float) -> None:
     with pytest.raises(ContactError, match="allowed"):
