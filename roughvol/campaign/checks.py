@@ -56,7 +56,7 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
         cases = study.cases()
         with study.placing():
             dimensional.check(cases[0])
-            for nodes, case in {case.nodes_per_side: case for case in cases}.items():
+            for (nodes, _), case in {(case.nodes_per_side, case.kernel): case for case in cases}.items():
                 _check_shape(case, (nodes or 0, nodes or 0))
         return None
     files = [Path(body.file) for one in given.each for body in one.bodies]
@@ -67,8 +67,9 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
         dimensional.check(case)
         surface = surface or surface_of(case)
         _check_shape(case, surface.shape)
-        for other in others if here else ():
-            _check_shape(other, surface_of(other).shape)
+        for other in others:
+            if here or other.file == case.file:
+                _check_shape(other, surface_of(other).shape if here else surface.shape)
     return surface
 
 

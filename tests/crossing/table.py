@@ -15,8 +15,8 @@ from tests.crossing.questions import QUESTIONS
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "crossing.md"
 UNITS = (
-    "one seeds sealed m files bodies spectrum materials regions legs one-way coupled gas lifted-gas region mirrored "
-    "periodic closed some-closed percolation to-pressure to-area force nominal gap records"
+    "one seeds sealed m files bodies spectrum materials layers regions legs one-way coupled gas lifted-gas region "
+    "mirrored periodic closed some-closed percolation to-pressure to-area force nominal gap records"
 )
 PRESSED = f"{UNITS} D ensemble own mean-plane"
 UNPRESSED = {"unpressed": "nothing was pressed"}
@@ -45,6 +45,7 @@ ONE_MAP = {
     "D": "heights have shape (4, 17, 17); allowed: two axes",
     "m": "allowed: rows of one length",
     "files": "allowed: real numbers",
+    "layers": "unexpected keyword argument 'thickness'",
     **dict.fromkeys(("ensemble", "own"), "unexpected keyword argument 'ensemble'"),
 }
 ONE_KIND = (
@@ -54,6 +55,7 @@ ONE_KIND = (
 SEVERAL = {
     "m": "the run has several m",
     "materials": "the run has several E",
+    "layers": "the run has several thickness",
     "regions": "the run has several region",
     **dict.fromkeys(("one-way", "coupled", "lifted-gas"), "record.fluid_pressure lifts the gap"),
 }
