@@ -239,6 +239,9 @@ def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path):
     assert "largest_gap_of_p.png" in call("plot", "gaps", "largest_gap_of_p")
     assert "largest_gap" in call("show", "gaps", "--csv")
     assert "Largest gap" in call("explain", "largest_gap")
+    means = ENSEMBLE.replace("OWN", "largest_gap: largest_gap").replace("ACCURACY", "largest_gap: 9 %")
+    Path("means.yaml").write_text(means.replace("AT", "last"))
+    assert "mean largest_gap at the last step, D = 2.3, m = 4: " in call("run", "means.yaml", "--jobs", "2")
 
 
 def test_the_tutorial_runs_from_an_empty_folder():
