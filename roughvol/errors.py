@@ -75,6 +75,10 @@ class StudyError(RoughvolError, ValueError):
         self.problems = tuple(problems)
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle the problems: exceptions pickle the message alone."""
+        return (type(self), (self.problems,))
+
 
 class SurfaceError(RoughvolError, ValueError):
     """Heights or parameters that make no surface."""

@@ -25,7 +25,7 @@ import json
 import math
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -345,6 +345,7 @@ class Cards:
     changes: tuple[str, ...]
     folder: Path  # of the runs, and of the pages
     runs: Mapping[tuple[str, str], Mapping[str, CardRuns]]
+    notice: str = ""  # a default that changed since an older version, where a run was computed with it
 
     @property
     def varied(self) -> tuple[str, ...]:
@@ -458,8 +459,10 @@ def card(
     """
     from roughvol.analysis.leak_budget import check_reached
     from roughvol.campaign import card as computed
+    from roughvol.campaign import interpretation
     from roughvol.study import changes_of, levels
 
+    done: list[int] = []  # numbers of cases computed now
     (asked, _), texts = study_of(study, changes), changes_of(changes)
     folder = Path(out or Path("runs") / f"{asked.name}_card")
     found: dict[tuple[str, str], dict[str, CardRuns]] = {}
@@ -468,11 +471,13 @@ def card(
         surfaces = computed.surfaces_of(variant.study)
         accept = check_reached if len(surfaces) == 1 else lambda fine: None
         inside = folder.joinpath("runs", *map(computed.slug, (*cards.varied, variant.words)))
+        options: dict[str, Any] = {"jobs": jobs, "fresh": fresh, "accept": accept}
+        options["on_event"] = lambda now: done.append(now.done)
         found[level.label, variant.words] = {
-            name: computed.compute(one, level, inside / computed.slug(name), jobs=jobs, fresh=fresh, accept=accept)
+            name: computed.compute(one, level, inside / computed.slug(name), **options)
             for name, one in surfaces.items()
         }
-    return cards
+    return replace(cards, notice=interpretation.default_sides(asked) if any(done) else "")
 
 
 def show(run: Dataset | StoredRun | str | Path | None = None, at: Loads = (), *, changes: Changes = ()) -> Records:

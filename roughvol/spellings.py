@@ -6,17 +6,21 @@ new one. docs/reference/promise.md says how long. Names that left before version
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import lazy_loader
 
 from roughvol._version import __version__
 from roughvol.errors import RoughvolDeprecation, warn
 
-Kind = Literal["key", "load", "variable", "attribute", "figure", "option", "answer", "exit code", "name", "entry point"]
+Kind = Literal[
+    "key", "load", "variable", "attribute", "figure", "option", "answer", "exit code", "name", "argument", "entry point"
+]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,7 @@ class Former:
         What it names. An answer is a key of ``--json``.
     old : str
         A key with its sections, also with a value, as ``sweep.steps=auto``; an option behind its command; a Python name
-        behind its module.
+        behind its module; an argument behind its class.
     new : str
         The new spelling, or what to do.
     since, until : str
@@ -70,6 +74,8 @@ FORMER = (
     Former("figure", "answer_cost", "ensemble_cost", "0.13.0", "0.13.0"),
     Former("figure", "tradeoff_answer", "the other figures of roughvol tradeoff", "0.13.0", "0.13.0"),
     Former("name", "roughvol.contact.PeriodicHalfSpace", 'HalfSpace(shape, sides="periodic")', "0.14.0", "0.14.0"),
+    Former("argument", "HalfSpace periodic", 'sides="free" or "periodic"', "0.16.0", "0.16.0"),
+    Former("argument", "Surface periodic", 'sides="free" or "periodic"', "0.16.0", "0.16.0"),
     Former("name", "roughvol.surfaces.levelling", "roughvol.surfaces.treatment", "0.14.0", "0.14.0"),
 )
 
@@ -98,6 +104,22 @@ def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], 
         return of_stub(row.new.rpartition(".")[2])
 
     return attribute, names, every
+
+
+def arguments(made: type[T]) -> type[T]:
+    """Let a class refuse its former arguments with the new ones."""
+    refusing: Any = made
+    build = refusing.__init__
+
+    @functools.wraps(build)
+    def checked(self: T, *values: Any, **named: Any) -> None:
+        for name in named:
+            if row := former("argument", f"{made.__name__} {name}"):
+                raise TypeError(f"{made.__name__}: argument {name} {row.message}")
+        build(self, *values, **named)
+
+    refusing.__init__ = checked
+    return made
 
 
 def _number(version: str) -> list[int]:

@@ -10,10 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import roughvol
+from roughvol.campaign import collect
+from roughvol.cli import main
 from roughvol.errors import CampaignError, DatasetError, StudyError
 from roughvol.observables.variables import QUANTITIES, VARIABLES
+from roughvol.store import dataset
 from roughvol.study import loads
 from roughvol.study.values import own
 
@@ -50,16 +54,37 @@ nominal.coordinates = {"part": range(5)}
 
 def failing(state):
     return 1.0 / int(state.mean_pressure * 0.0)
+
+def p(state):
+    return state.mean_pressure
+
+p.touch = 0.0
+
+def closed(state):
+    return float("nan")
+"""
+ENSEMBLE = """
+name: means
+surface: {D: 2.3, m: 4, L: 100 um, Sq: 1 um}
+material: {E: 10 MPa, nu: 0.5}
+sweep: {steps: 5, to: {indentation: 2}}
+record: {own: {OWN}}
+ensemble: {accuracy: {ACCURACY}, at: AT}
 """
 TUTORIAL = Path(__file__).parents[1] / "docs" / "tutorials" / "own-quantity.md"
 
 
-def study(functions, version=""):
+def study(functions, version="", text=STUDY):
     """A study with quantities, after its module is written to the current folder."""
     Path("mine.py").write_text(MODULE.replace("VERSION", version))
     sys.modules.pop("mine", None)
     own.function_of.cache_clear()
-    return loads(STUDY.replace("OWN", functions))
+    return loads(text.replace("OWN", functions))
+
+
+def ensemble(functions, accuracy, at="{indentation: [0.5, 1.1]}"):
+    """A study whose means are those of quantities."""
+    return study(functions, text=ENSEMBLE.replace("ACCURACY", accuracy).replace("AT", at))
 
 
 @pytest.fixture(autouse=True)
@@ -136,6 +161,50 @@ def test_a_function_that_fails_names_itself(functions, words):
         roughvol.run(study(functions), jobs=1)
 
 
+def test_the_mean_of_a_function_is_that_of_the_built_in_quantity_it_returns_to_the_bit():
+    asked = ensemble("p: mine:p, largest_gap: mine:largest", "p: 9 %, pressure: 9 %, largest_gap: 5 %")
+    assert loads(asked.to_yaml()) == asked
+    ds = roughvol.run(asked, jobs=1)
+    for name in (str(name) for name in ds if str(name).startswith("p_")):
+        if "solver_error" not in name:  # that of a function is not certified
+            np.testing.assert_array_equal(ds[name], ds[name.replace("p_", "mean_pressure_", 1)], strict=True)
+    assert (ds.p_step_error > 0.0).all()
+    assert ds.largest_gap_mean.attrs["units"] == "um"
+    assert "mean largest_gap at indentation = 1.1, D = 2.3, m = 4: " in ds.attrs["answer"]
+    assert collect(asked).equals(ds)
+    for file in sorted(Path("runs/means/cases").glob("*.nc"))[::3]:
+        file.unlink()
+    Path("runs/means/study.nc").unlink()
+    assert dataset.answers(roughvol.run(asked, jobs=2)).identical(dataset.answers(ds))
+    (row,) = roughvol.check(asked, jobs=1).expected
+    assert row.seconds > 0.0
+
+
+@pytest.mark.parametrize(
+    ("functions", "accuracy", "words"),
+    [
+        (
+            "halves: mine:halves",
+            "halves: 5 %",
+            "7: ensemble.accuracy.halves: mine:halves returns an array over half",
+        ),
+        ("bad: mine:rows", "bad: 5 %", r"6: record.own.bad: mine:rows returns shape \(1, 5\); allowed: a number"),
+        ("bad: mine:failing", "bad: 5 %", r"6: record.own.bad: mine:failing fails at p\* = .*ZeroDivisionError"),
+        ("nan: mine:closed", "nan: 5 %", "7: ensemble.accuracy.nan: has no value at last .*: its function returns no"),
+        ("p: mine:p", "P: 5 %", "7: ensemble.accuracy.P: unknown quantity; did you mean 'p'"),
+        ("p: mine:p", "p: much", "7: ensemble.accuracy.p: must be a number > 0"),
+        ("p: mine:p, p_mean: mine:p", "p: 5 %", "6: record.own.p: p_mean is a stored variable already"),
+    ],
+)
+def test_a_mean_that_cannot_be_taken_is_refused_with_its_place(functions, accuracy, words):
+    Path("x.yaml").write_text(ENSEMBLE.replace("OWN", functions).replace("ACCURACY", accuracy).replace("AT", "last"))
+    study("p: mine:p")
+    for command in ("check", "run"):
+        done = CliRunner().invoke(main, [command, "x.yaml"])
+        assert done.exit_code == 2
+        assert re.match(f"  x.yaml:{words}", done.output.splitlines()[-1]), done.output
+
+
 def test_explain_describes_a_function_as_a_stored_variable():
     study("largest: mine:largest")
     found = roughvol.explain("mine:largest")
@@ -170,6 +239,9 @@ def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path):
     assert "largest_gap_of_p.png" in call("plot", "gaps", "largest_gap_of_p")
     assert "largest_gap" in call("show", "gaps", "--csv")
     assert "Largest gap" in call("explain", "largest_gap")
+    means = ENSEMBLE.replace("OWN", "largest_gap: largest_gap").replace("ACCURACY", "largest_gap: 9 %")
+    Path("means.yaml").write_text(means.replace("AT", "last"))
+    assert "mean largest_gap at the last step, D = 2.3, m = 4: " in call("run", "means.yaml", "--jobs", "2")
 
 
 def test_the_tutorial_runs_from_an_empty_folder():

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import roughvol.contact
+import roughvol.surfaces
 from roughvol import spellings
 from roughvol.errors import RoughvolDeprecation, StudyError
 from roughvol.spellings import FORMER, Former
@@ -96,6 +97,13 @@ def test_a_former_option_and_name_work_with_a_warning(monkeypatch: pytest.Monkey
         assert "17 x 17 nodes" in done.stdout
     with pytest.warns(RoughvolDeprecation, match="contact.Body is the former spelling of roughvol.contact.H"):
         assert roughvol.contact.Body is roughvol.contact.HalfSpace
+
+
+@pytest.mark.parametrize("made", [roughvol.contact.HalfSpace, roughvol.surfaces.Surface])
+def test_a_former_argument_is_refused_with_the_new_one(made):
+    words = rf'{made.__name__}: argument periodic left with version 0.16.0; in its place: sides="free" or "periodic"'
+    with pytest.raises(TypeError, match=words):
+        made((5, 5), periodic=True)
 
 
 def test_former_spellings_are_former() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from roughvol.campaign import workers
 from roughvol.campaign.case_surface import surface_of
-from roughvol.campaign.one_case import kernel_on
+from roughvol.campaign.one_case import arrays_of_case, kernel_on
 from roughvol.contact.halfspace import LEAST_PERIOD
 from roughvol.errors import ContactError, DatasetError, Problem, StudyError
 from roughvol.observables import regions
@@ -49,12 +49,14 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
     """
     given = study.surface
     with study.placing():
-        register(study.record)
+        register(study.record, study.ensemble)
+        if study.ensemble is not None and study.ensemble.accuracy.own:  # functions that fail do so before the run
+            arrays_of_case(study.cases()[0])
     if isinstance(given, MadeSurface):
         cases = study.cases()
         with study.placing():
             dimensional.check(cases[0])
-            for nodes, case in {case.nodes_per_side: case for case in cases}.items():
+            for (nodes, _), case in {(case.nodes_per_side, case.kernel): case for case in cases}.items():
                 _check_shape(case, (nodes or 0, nodes or 0))
         return None
     files = [Path(body.file) for one in given.each for body in one.bodies]
@@ -65,8 +67,9 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
         dimensional.check(case)
         surface = surface or surface_of(case)
         _check_shape(case, surface.shape)
-        for other in others if here else ():
-            _check_shape(other, surface_of(other).shape)
+        for other in others:
+            if here or other.file == case.file:
+                _check_shape(other, surface_of(other).shape if here else surface.shape)
     return surface
 
 

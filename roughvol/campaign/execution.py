@@ -142,7 +142,7 @@ def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset
     True
     """
     study = study if isinstance(study, Study) else load(study)
-    register(study.record)
+    register(study.record, study.ensemble)
     folder = folder_of(study, out)
     cases = sample_plan.cases_of(study, folder)
     found = collection.finished(folder, cases)

@@ -116,7 +116,8 @@ def _with_answer(results: Dataset, design: Design) -> Dataset:
     for name, (dims, array) in answer.variables(design).items():
         row = VARIABLES[name]
         results[name] = (dims, np.asarray(array, dtype=DTYPES[row.kind]))
-        results[name].attrs = {"units": row.units, "long_name": row.long_name, "symbol": row.symbol}
+        units = row.units.replace("length", results.attrs.get("length_unit", "length"))
+        results[name].attrs = {"units": units, "long_name": row.long_name, "symbol": row.symbol}
     return results.assign_attrs(answer="\n".join(answer.sentences(design)))
 
 

@@ -47,6 +47,8 @@ def card(
     shows all of them. The files of a card are named by its load.
     """
     found = roughvol.card(given(study, changes), states, out=out, jobs=jobs, fresh=fresh, changes=changes)
+    if found.notice:
+        say(found.notice, err=True)
     if as_json:
         say_json(found.plain())
         return

@@ -32,6 +32,7 @@ from roughvol.contact.cosines import MirroredConvolution
 from roughvol.contact.kernels import LOVE, Kernel, influence_matrix, kernel_of, periodic_spectrum
 from roughvol.contact.options import TUNING, Tuning
 from roughvol.errors import ContactError
+from roughvol.spellings import arguments
 from roughvol.typing import Array, Index, Shape, Sides
 
 LEAST_PERIOD = 5  # the neighbours of an element within two spacings are then five different ones along an axis
@@ -68,6 +69,7 @@ class Window(NamedTuple):
     places: Places
 
 
+@arguments
 class HalfSpace:
     """Displacement under pressure, u = K ∗ p, by convolutions, on a free patch or on a part of an endless plane.
 

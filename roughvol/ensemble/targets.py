@@ -20,6 +20,7 @@ from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_s
 from roughvol.observables.variables import AXES, OF_STATE, VARIABLES
 from roughvol.study import CLOSING, Accuracy, Case, Ensemble, Level
 from roughvol.study.plain_data import number_text
+from roughvol.study.sections.ensemble import RECORDED_BY
 from roughvol.study.values.state_kinds import step_at, stored_name
 from roughvol.typing import Array
 
@@ -78,7 +79,8 @@ def series_of(arrays: Arrays) -> Series:
     series = {name: along(name, 0.0) for name in OF_STATE}
     touch = series["indentation"][1] + series["separation"][1]  # d/σ at first touch, equal to V* there
     series["separation"][0] = series["free_volume"][0] = touch
-    series |= {name: along(name, VARIABLES[name].touch) for name in OF_VOID if name in arrays}
+    own = [name for name in arrays if VARIABLES[name].observable == "own" and arrays[name][0][-1] == "step"]
+    series |= {name: along(name, VARIABLES[name].touch) for name in (*OF_VOID, *own) if name in arrays}
     if "transmissivity" in series:
         flows = series["transmissivity"]
         with np.errstate(divide="ignore"):
@@ -107,8 +109,9 @@ def value_at(series: Series, stored: str, state: Level, case: Case) -> float:
     else:
         value = float(quantity[step])
     if not math.isfinite(value):
+        reason = "no way is left along x or y" if stored in RECORDED_BY else "its function returns no finite number"
         message = (
-            f"has no value at {state.label} on {case.label}: no way is left along x or y there, or the first step "
+            f"has no value at {state.label} on {case.label}: {reason} there, or the first step "
             "of the sweep lies beyond it; ask at other states, or take more sweep.steps"
         )
         raise StudyError([Problem(message, f"ensemble.accuracy.{stored}")])

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from roughvol.errors import ContactError, Problem, StudyError
+from roughvol.errors import Problem, StudyError
 from roughvol.observables.regions import Values, View
-from roughvol.observables.variables import AXES, QUANTITIES, VARIABLES, Variable
-from roughvol.study import Case, Record
+from roughvol.observables.variables import AXES, QUANTITIES, VARIABLES, Variable, with_means
+from roughvol.study import Case, Ensemble, Record
 from roughvol.study.values.own import OwnQuantity
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array, Mask
@@ -64,15 +65,15 @@ def values(view: View) -> Values:
             value = np.asarray(quantity.function(state), dtype=np.float64)
         except Exception as error:
             where = f"at p* = {state.mean_pressure:.6g}"
-            message = f"record.own.{name}: {quantity.target} fails {where} ({type(error).__name__}: {error})"
-            raise ContactError(message) from error
+            message = f"{quantity.target} fails {where} ({type(error).__name__}: {error})"
+            raise StudyError([Problem(message, f"record.own.{name}")]) from error
         shape = tuple(len(along) for along in _coordinates(quantity).values())
         if value.shape != shape:
             allowed = (
                 f"{shape}, that of its coordinates" if shape else "a number, or an array with the attribute coordinates"
             )
-            message = f"record.own.{name}: {quantity.target} returns shape {value.shape}; allowed: {allowed}"
-            raise ContactError(message)
+            message = f"{quantity.target} returns shape {value.shape}; allowed: {allowed}"
+            raise StudyError([Problem(message, f"record.own.{name}")])
         found[name] = value
     return found
 
@@ -83,20 +84,28 @@ def labels(case: Case, surface: Surface) -> Values:
     return {dim: along for each in found for dim, along in each.items() if dim != "axis"}
 
 
-def register(record: Record) -> None:
-    """Put the rows of the quantities of a study into the table of variables; refuse failed imports and stored names."""
+def register(record: Record, ensemble: Ensemble | None = None) -> None:
+    """Put the rows of the quantities of a study, and of their means in an ensemble, into the table of variables.
+
+    Failed imports, stored names and means of arrays are refused.
+    """
+    averaged = ensemble.accuracy.own if ensemble is not None else []
     for name, quantity in _of(record).items():
         try:
             row, coordinates = row_of(name, quantity), _coordinates(quantity)
         except Exception as error:  # whatever the module of a user raises
             message = f"cannot import {quantity.target!r} ({type(error).__name__}: {error})"
             raise StudyError([Problem(message, f"record.own.{name}")]) from error
-        rows = {name: row}
+        if name in averaged and coordinates:
+            message = f"{quantity.target} returns an array over {', '.join(coordinates)}; allowed: a number"
+            raise StudyError([Problem(message, f"ensemble.accuracy.{name}")])
+        rows = with_means(name, row) if name in averaged else {name: row}
         rows |= {dim: Variable(dim, "1", dim.replace("_", " "), dim, observable=OBSERVABLE) for dim in coordinates}
         rows.pop("axis", None)
         for variable, made in rows.items():
             present = QUANTITIES.get(variable)
-            if present is not None and present.observable != OBSERVABLE:
+            of_another = variable != name and variable in _of(record)
+            if of_another or (present is not None and present.observable != OBSERVABLE):
                 key, message = f"record.own.{name}", f"{variable} is a stored variable already: choose another name"
                 raise StudyError([Problem(message, key)])
             QUANTITIES[variable] = VARIABLES[variable] = made
@@ -114,6 +123,7 @@ def row_of(name: str, quantity: OwnQuantity) -> Variable:
         source=quantity.target,
         observable=OBSERVABLE,
         key=OBSERVABLE,
+        touch=float(getattr(function, "touch", math.nan)),
     )
 
 

@@ -66,22 +66,28 @@ def function(name: str) -> Callable[..., dict[str, Any]]:
     return found
 
 
-def variables(groups: Iterable[Mapping[str, Any]]) -> dict[str, Variable]:
-    """Return the variables of all groups."""
-    table: dict[str, Variable] = {}
+def variables(groups: Iterable[Mapping[str, Any]], bases: Mapping[str, Variable] | None = None) -> dict[str, Variable]:
+    """Return the variables of all groups behind those they are made of."""
+    table = dict(bases or {})
     for group in groups:
         common = {key: value for key, value in group.items() if key in Variable.__dataclass_fields__}
-        bases = group.get("of", ("",))
-        for along, base, (template, row) in itertools.product(group.get("along", ("",)), bases, group["rows"].items()):
+        of = group.get("of", ("",))
+        for along, base, (template, row) in itertools.product(group.get("along", ("",)), of, group["rows"].items()):
             words = _inherited(table[base]) if base in table else {"units": "1"}
-            words |= bases[base] if isinstance(bases, Mapping) else {}
-            fields = words | common | row
+            words |= of[base] if isinstance(of, Mapping) else {}
+            fields = dict(words)
             words |= {"base": base, "along": along, "inner": words.get("dims", "").removeprefix("...")}
             words["function"] = words.get("source", "").rpartition(".")[2]
             words["name"] = name = template.format_map(words)
-            filled = {key: _filled(value, words) for key, value in fields.items() if key != "label"}
-            table[name] = Variable(**filled, label=row.get("label", ""))
+            fields |= {key: _filled(value, words) for key, value in (common | row).items() if key != "label"}
+            table[name] = Variable(**fields, label=row.get("label", ""))
     return table
+
+
+def with_means(name: str, row: Variable) -> dict[str, Variable]:
+    """Return the row of a quantity, and the rows of its mean over the surfaces of an ensemble."""
+    means = next(group for group in _TABLE["group"] if "{base}_mean" in group["rows"])
+    return variables([means | {"of": [name], "observable": row.observable}], {name: row})
 
 
 def columns(table: str) -> tuple[str, ...]:

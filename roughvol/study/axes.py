@@ -31,14 +31,22 @@ AXES: dict[str, tuple[str, ...]] = {
     "E_star": ("material", "E_star"),
     "E": ("material", "E"),
     "nu": ("material", "nu"),
+    "thickness": ("material", "thickness"),
     "hardness": ("material", "hardness"),
     "to": ("sweep", "to"),
     "region": ("record", "region"),
 }
 """Key path of each axis, in the order of the dimensions of a dataset."""
-NUMBERS = {"E_star": math.nan, "E": math.nan, "nu": math.nan, "hardness": math.inf, "low_pass": 0.0}
+NUMBERS = {
+    "E_star": math.nan,
+    "E": math.nan,
+    "nu": math.nan,
+    "thickness": math.inf,
+    "hardness": math.inf,
+    "low_pass": 0.0,
+}
 """Axes of numbers, each with the label of the item 'none'."""
-OPTIONAL = ("low_pass", "hardness", "region")  # take 'none' in a list
+OPTIONAL = ("low_pass", "thickness", "hardness", "region")  # take 'none' in a list
 MOST = 1000  # combinations
 NONE = "none"
 

@@ -16,11 +16,12 @@ from pydantic import BaseModel
 from roughvol.study.file import StudyFile
 from roughvol.study.plain_data import KeyPath, number_text
 from roughvol.study.sections.dimensional import Dimensional
-from roughvol.study.sections.ensemble import AUTO_TO, CLOSING, FEWEST_LEVELS, RECORDED_BY
+from roughvol.study.sections.ensemble import AUTO_TO, CLOSING, FEWEST_LEVELS, RECORDED_BY, Accuracies
 from roughvol.study.sections.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
 from roughvol.study.sections.material import YoungPoisson
 from roughvol.study.sections.record import EVERY_STEP, Record, Region
 from roughvol.study.sections.solver import PAPER_MAX_M, FreeKernel, NamedKernel
+from roughvol.study.sections.strict import names, nearest
 from roughvol.study.sections.surface import FEWEST, SPECTRAL, GeneratedSurface, SpectralSurface
 from roughvol.study.sections.sweep import Legs, Sweep
 from roughvol.study.validation import Problems, Rule
@@ -383,6 +384,17 @@ def _ensemble(study: StudyFile) -> Problems:
         for path, value in _numbers(("ensemble", "at", kind), values):
             if kind != kind_listed or value not in known:
                 yield path, f"{number_text(value)} is not among sweep.{name}: list it there, or give steps and to"
+
+
+@_rule("ensemble.accuracy", "record.own")
+def _quantities(study: StudyFile) -> Problems:
+    known = [*names(Accuracies), *(study.record.own or {})]
+    for name in study.ensemble.accuracy.own if study.ensemble is not None else ():
+        if name not in known:
+            meant = nearest(name, known)
+            hint = f"did you mean '{meant}'? " if meant else ""
+            place = ("ensemble", "accuracy", name)
+            yield place, f"unknown quantity; {hint}allowed: {', '.join(known)}, or a name of record.own"
 
 
 @_rule("ensemble", "sweep", "record.transport")

@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from roughvol.errors import SurfaceError
+from roughvol.spellings import arguments
 from roughvol.typing import Array, Sides
 
 SMALLEST_RANGE = 1e-290  # of heights that are not flat: below, their differences are denormal and Sq loses its digits
 
 
+@arguments
 @dataclass(frozen=True, eq=False)
 class Surface:
     """A height field z on a lattice of spacing δ, checked once and read-only from then on.

@@ -15,10 +15,10 @@ from tests.crossing.questions import QUESTIONS
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "crossing.md"
 UNITS = (
-    "one seeds sealed m files bodies spectrum materials regions legs one-way coupled gas lifted-gas region mirrored "
-    "periodic closed some-closed percolation to-pressure to-area force nominal gap records"
+    "one seeds sealed m files bodies spectrum materials layers regions legs one-way coupled gas lifted-gas region "
+    "mirrored periodic closed some-closed percolation to-pressure to-area force nominal gap records"
 )
-PRESSED = f"{UNITS} D ensemble mean-plane"
+PRESSED = f"{UNITS} D ensemble own mean-plane"
 UNPRESSED = {"unpressed": "nothing was pressed"}
 OTHER_RUN = dict.fromkeys(("study-changed", "file-changed"), "holds the results of another study")
 OTHER_RESULTS = dict.fromkeys(("study-changed", "file-changed"), "does not hold the results of")
@@ -34,7 +34,7 @@ class Cells:
     wrong: dict[str, str] = field(default_factory=dict)
 
 
-NO_LEAK = dict.fromkeys(("D", "ensemble", "mean-plane", "unpressed"), "which the study did not record")
+NO_LEAK = dict.fromkeys(("D", "ensemble", "own", "mean-plane", "unpressed"), "which the study did not record")
 PRESSED_AGAIN = (
     "one sealed bodies spectrum materials regions legs one-way coupled gas lifted-gas region mirrored periodic closed "
     "some-closed percolation mean-plane to-pressure to-area force nominal gap records unpressed study-changed "
@@ -45,7 +45,8 @@ ONE_MAP = {
     "D": "heights have shape (4, 17, 17); allowed: two axes",
     "m": "allowed: rows of one length",
     "files": "allowed: real numbers",
-    "ensemble": "unexpected keyword argument 'ensemble'",
+    "layers": "unexpected keyword argument 'thickness'",
+    **dict.fromkeys(("ensemble", "own"), "unexpected keyword argument 'ensemble'"),
 }
 ONE_KIND = (
     "one seeds sealed files bodies spectrum gas region mirrored periodic closed some-closed percolation to-pressure "
@@ -54,11 +55,12 @@ ONE_KIND = (
 SEVERAL = {
     "m": "the run has several m",
     "materials": "the run has several E",
+    "layers": "the run has several thickness",
     "regions": "the run has several region",
     **dict.fromkeys(("one-way", "coupled", "lifted-gas"), "record.fluid_pressure lifts the gap"),
 }
 READ_OFF = SEVERAL | OTHER_RESULTS | UNPRESSED
-NO_LEAK_RATE = dict.fromkeys(("D", "ensemble", "mean-plane"), "the run has no leak rates")
+NO_LEAK_RATE = dict.fromkeys(("D", "ensemble", "own", "mean-plane"), "the run has no leak rates")
 CELLS = {
     "run": Cells(f"{PRESSED} unpressed", OTHER_RUN),
     "show": Cells(PRESSED, SHOWN),
@@ -79,14 +81,14 @@ CELLS = {
         f"{UNITS.replace(' m ', ' ')} mean-plane study-changed file-changed",
         {
             **dict.fromkeys(("m", "D"), "a leak card is of one kind of surface; allowed: one D and one m"),
-            "ensemble": "a leak card takes seeds, and no ensemble",
+            **dict.fromkeys(("ensemble", "own"), "a leak card takes seeds, and no ensemble"),
             "unpressed": "a leak card needs a load",
         },
     ),
     "ask": Cells(f"{ONE_KIND} legs", READ_OFF | NO_LEAK_RATE),
     "ask --closed": Cells(
         f"{ONE_KIND} legs mean-plane",
-        READ_OFF | {"D": "the run has several D", "ensemble": "the run has several m"},
+        READ_OFF | {"D": "the run has several D"} | dict.fromkeys(("ensemble", "own"), "the run has several m"),
     ),
     "creep": Cells(ONE_KIND, READ_OFF | NO_LEAK_RATE | {"legs": "the surface yields"}),
     "check": Cells(f"{PRESSED} unpressed study-changed file-changed"),

@@ -102,9 +102,7 @@ def test_every_command_and_public_function_is_a_question_or_has_a_reason() -> No
 def test_every_section_of_a_study_is_in_a_kind_of_run() -> None:
     studies = [yaml.safe_load(kind.study) for kind in KINDS]
     assert set().union(*studies) | {"name"} == set(Study.model_fields)
-    assert set().union(*(study.get("record", {}) for study in studies)) == set(Record.model_fields) - {
-        "own"
-    }  # tests/test_own.py
+    assert set().union(*(study.get("record", {}) for study in studies)) == set(Record.model_fields)
 
 
 def test_the_page_is_as_its_command_writes_it() -> None:

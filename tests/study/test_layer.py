@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import roughvol
 from roughvol.errors import StudyError
+from roughvol.store.dataset import answers
 from roughvol.study import loads
 
 STUDY = """
@@ -37,9 +39,21 @@ def test_units_of_the_thickness_do_not_matter(tmp_path):
     assert len(ids) == 3
 
 
-def test_a_list_of_layers_is_refused():
-    with pytest.raises(StudyError, match="thickness: must be a number, given a list"):
-        loads(STUDY).changed(**{"material.thickness": ["20 um", "50 um"]})
+@pytest.mark.parametrize("E", ["10 MPa", ["10 MPa", "30 MPa"]])
+def test_a_list_of_layers_has_the_numbers_of_each_layer(tmp_path, E):
+    keys, layers = {"material.E": E}, ["20 um", "0.05 mm", "none"]
+    every = pressed(tmp_path, **keys, **{"material.thickness": layers})
+    assert every.thickness.values.tolist() == [20.0, 50.0, np.inf]
+    assert (every.thickness.attrs["units"], every.thickness.attrs["symbol"]) == ("um", "h")
+    for label, one in zip(every.thickness, layers, strict=True):
+        alone = pressed(tmp_path, **keys, **{"material.thickness": None if one == "none" else one})
+        xr.testing.assert_identical(answers(every.sel(thickness=label, drop=True)), answers(alone))
+    again = loads(every.attrs["study"])
+    assert [axis.words(label) for axis in again.axes for label in axis.labels if axis.name == "thickness"] == [
+        "thickness = 20 um",
+        "thickness = 50 um",
+        "thickness = none",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -50,6 +64,10 @@ def test_a_list_of_layers_is_refused():
         ({"material.against": {"E": "1 GPa", "nu": 0.3}}, "a layer is pressed by a rigid surface"),
         ({"material.thickness": "0 um"}, "must be > 0"),
         ({"material.thickness": "1 MPa"}, "thickness"),
+        ({"material.thickness": ["20 um", "0 um"]}, r"thickness\[1\]: must be > 0"),
+        ({"material.thickness": ["20 um", 30]}, r"thickness\[1\]: either all items have a unit, or none"),
+        ({"material.thickness": ["20 um", "0.02 mm"]}, r"thickness\[1\]: is item 1 of the list again"),
+        ({"material.thickness": ["none", "20 um"], "surface.sides": "free"}, "'layer' needs surface.sides: mirrored"),
         ({"material": {"E_star": "10 MPa", "thickness": "20 um"}}, "thickness"),
         (
             {"surface.L": 1.0, "surface.Sq": None, "sweep": {"steps": 3}, "record": {}},
@@ -65,4 +83,6 @@ def test_refused(keys, words):
 def test_a_layer_thinner_than_a_quarter_of_the_spacing_is_refused_before_the_run(tmp_path):
     with pytest.raises(StudyError, match=r"material.thickness: the layer has a thickness of 0.1 spacings.*>= 0.25"):
         roughvol.check(loads(STUDY).changed(**{"material.thickness": "1 um"}))
+    with pytest.raises(StudyError, match=r"material.thickness: the layer has a thickness of 0.1 spacings.*>= 0.25"):
+        roughvol.check(loads(STUDY).changed(**{"material.thickness": ["1 um", "20 um"]}))
     assert pressed(tmp_path, **{"material.thickness": "1 um", "solver.kernel": "fourier"}).free_volume[-1] > 0.0

@@ -588,8 +588,9 @@ def _objects(schema: Any) -> list[dict[str, Any]]:
 def test_the_schema_is_strict_and_explains_every_key() -> None:
     objects = _objects(json_schema())
     assert len(objects) >= 10
+    open_ = [found["title"] for found in objects if found["additionalProperties"] is not False]
+    assert open_ == ["Accuracies"]  # takes names of record.own
     for found in objects:
-        assert found["additionalProperties"] is False
         assert all("description" in value for value in found["properties"].values())
 
 

@@ -125,9 +125,10 @@ _HOW = "half-width of the 95 % interval of its mean, relative as 1 % or absolute
 
 
 class Accuracies(Choice):
-    """The quantities to average, each with the accuracy of its mean."""
+    """The quantities to average, each with the accuracy of its mean; other names are those of ``record.own``."""
 
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+    model_config = ConfigDict(extra="allow", json_schema_extra={"minProperties": 1})
+    __pydantic_extra__: dict[str, HalfWidth]
 
     free_volume: HalfWidth | None = Field(default=None, description=f"V*: {_HOW}")
     contact_area: HalfWidth | None = Field(default=None, description=f"A*: {_HOW}")
@@ -165,6 +166,11 @@ class Accuracies(Choice):
                 refuse_at((name,), accuracy, "is '{name}' by another name: give one of them", name=short[name])
         return {short.get(name, name): accuracy for name, accuracy in value.items()}
 
+    @property
+    def own(self) -> list[str]:
+        """Names of quantities of the user."""
+        return list(self.model_extra or {})
+
     @model_validator(mode="after")
     def _not_empty(self) -> Accuracies:
         if not self.named:
@@ -201,7 +207,7 @@ class Ensemble(Choice):
     """Means over all surfaces to an accuracy; the campaign plans the seeds of each level."""
 
     accuracy: Accuracies = Field(
-        description="{free_volume: 1 %}: each quantity with the half-width of its 95 % interval"
+        description="{free_volume: 1 %}: each quantity, or name of record.own, with the half-width of its 95 % interval"
     )
     at: Annotated[States, Word("last")] = Field(
         default=States(),

@@ -54,7 +54,8 @@ class Choice(Strict):
     @property
     def named(self) -> dict[str, Any]:
         """Given keys and their values."""
-        return {name: value for name, value in self.__dict__.items() if value not in (None, ())}
+        given = self.__dict__ | (self.model_extra or {})
+        return {name: value for name, value in given.items() if value not in (None, ())}
 
     @model_serializer
     def _plain(self) -> Any:

@@ -7,6 +7,7 @@ stands on it as attributes, all optional:
 ``symbol``       as "f(g)"; default: the name in the study
 ``label``        what it is, in words; default: the first line of its docstring
 ``coordinates``  {dimension: labels} of an array, in the order of its dimensions; "axis" has the labels x and y
+``touch``        the number at first touch, for the mean of an ensemble before the first step; default: unknown
 ``version``      text; a new one makes studies compute their cases anew
 """
 
