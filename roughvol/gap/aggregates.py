@@ -120,29 +120,31 @@ def graph_of_grid(south: Array, east: Array, own: Array, number: Numbers, count:
     """Return the graph of the aggregates of a grid."""
     rows, columns = own.shape
     held, row, column = np.zeros(count), np.empty(count, np.int32), np.empty(count, np.int32)
-    size = 0
-    for i in range(rows):
-        below = i + 1 if i + 1 < rows else 0
-        for j in range(columns):
-            size += number[below, j] != number[i, j]
-            size += number[i, j + 1 if j + 1 < columns else 0] != number[i, j]
+    size = 2 * own.size  # at most; most joints are inside aggregates, or beside another joint of the same two
     tails, heads, weight, end = np.empty(size, np.int32), np.empty(size, np.int32), np.empty(size), 0
-    for i in range(rows):
-        below = i + 1 if i + 1 < rows else 0
-        for j in range(columns):
-            tail = number[i, j]
-            if tail < 0:
-                continue
-            held[tail] += STRETCHED * own[i, j]
-            row[tail], column[tail] = i // 2, j // 2
-            head = number[below, j]
-            if head != tail and south[i, j] > 0.0:
-                tails[end], heads[end], weight[end] = tail, head, STRETCHED * south[i, j]
-                end += 1
-            head = number[i, j + 1 if j + 1 < columns else 0]
-            if head != tail and east[i, j] > 0.0:
-                tails[end], heads[end], weight[end] = tail, head, STRETCHED * east[i, j]
-                end += 1
+    for top in range(0, rows, 2):
+        for left in range(0, columns, 2):
+            first = end
+            for i in range(top, min(top + 2, rows)):
+                for j in range(left, min(left + 2, columns)):
+                    tail = number[i, j]
+                    if tail < 0:
+                        continue
+                    held[tail] += STRETCHED * own[i, j]
+                    row[tail], column[tail] = top // 2, left // 2
+                    for axis in range(2):
+                        if axis == 0:
+                            head, joint = number[i + 1 if i + 1 < rows else 0, j], south[i, j]
+                        else:
+                            head, joint = number[i, j + 1 if j + 1 < columns else 0], east[i, j]
+                        if head == tail or joint == 0.0:
+                            continue
+                        at = first
+                        while at < end and (tails[at] != tail or heads[at] != head):
+                            at += 1
+                        if at == end:
+                            tails[end], heads[end], weight[end], end = tail, head, 0.0, end + 1
+                        weight[at] += STRETCHED * joint
     starts, heads, weight = _by_rows(tails[:end], heads[:end], weight[:end], count)
     return Graph(starts, heads, weight, held, row, column)
 
