@@ -109,8 +109,9 @@ def _invaded(gap: Array, axis: int, periodic: bool, least: float, flooded: float
             j = stack[top] - i * columns
             if (i if axis == 0 else j) == last:
                 return latest if latest >= 0 else stack[top]
-            for side in range(4):
-                there, beside = i + (side == 0) - (side == 1), j + (side == 2) - (side == 3)
+            for side in range(4):  # the element ahead is the last: it leaves the stack first
+                across, along = (side == 0) - (side == 1), (side == 3) - (side == 2)
+                there, beside = (i + along, j + across) if axis == 0 else (i + across, j + along)
                 if periodic and axis == 1:
                     there %= rows
                 if periodic and axis == 0:

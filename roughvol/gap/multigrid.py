@@ -54,10 +54,6 @@ class Conductances(NamedTuple):
         there = sparse.coo_array((weight, tuple(ends)), shape=(self.own.size, self.own.size)).tocsr()
         return _balance(there + there.T, self.own.ravel())
 
-    def outflow(self, pressure: Field) -> Field:
-        """Return the flow out of each element."""
-        return _outflow(*self, pressure)
-
 
 def _balance(joints: Any, own: Array) -> Any:
     """Return the matrix from the pressures to the flow out, of a symmetric matrix of conductances."""
@@ -143,19 +139,38 @@ def _factor(matrix: Any) -> Any:
 
 
 @compiled
-def _outflow(south: Field, east: Field, own: Field, pressure: Field) -> Field:
-    """Return the flow out of each element of a grid."""
+def turned(
+    direction: Field, towards: Field, turn: float, south: Field, east: Field, own: Field, outflow: Field
+) -> None:
+    """Turn a direction of pressures of a grid, and write the flow out of each element.
+
+    The new direction is ``towards`` and ``turn`` times the old one. Lines are turned one ahead of their outflow, so
+    that fields are read once.
+    """
     rows, columns = own.shape
-    outflow = np.empty(own.shape)
+    for line in range(0, rows, max(rows - 1, 1)):  # the first and the last are neighbours
+        for j in range(columns):
+            direction[line, j] = towards[line, j] + turn * direction[line, j]
     for i in range(rows):
         up, down = i - 1 if i else rows - 1, i + 1 if i + 1 < rows else 0
+        if 0 < down < rows - 1:
+            for j in range(columns):
+                direction[down, j] = towards[down, j] + turn * direction[down, j]
         for j in range(columns):
-            left, right = j - 1 if j else columns - 1, j + 1 if j + 1 < columns else 0
-            p = pressure[i, j]
-            lengthwise = south[up, j] * (p - pressure[up, j]) + south[i, j] * (p - pressure[down, j])
-            across = east[i, left] * (p - pressure[i, left]) + east[i, j] * (p - pressure[i, right])
-            outflow[i, j] = own[i, j] * p + (lengthwise + across)
-    return outflow
+            back, on = j - 1 if j else columns - 1, j + 1 if j + 1 < columns else 0
+            p = direction[i, j]
+            along = south[up, j] * (p - direction[up, j]) + south[i, j] * (p - direction[down, j])
+            across = east[i, back] * (p - direction[i, back]) + east[i, j] * (p - direction[i, on])
+            outflow[i, j] = own[i, j] * p + (along + across)
+
+
+@compiled
+def stepped(pressure: Field, left: Field, direction: Field, outflow: Field, step: float) -> None:
+    """Take a step along a direction, and its outflow from the inflow that is left."""
+    for i in range(pressure.shape[0]):
+        for j in range(pressure.shape[1]):
+            pressure[i, j] += step * direction[i, j]
+            left[i, j] -= step * outflow[i, j]
 
 
 @compiled

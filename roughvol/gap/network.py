@@ -16,6 +16,7 @@ import numpy as np
 from scipy import linalg
 
 from roughvol.errors import ConvergenceError
+from roughvol.gap import multigrid
 from roughvol.gap.compiled import compiled
 from roughvol.gap.multigrid import Conductances, Multigrid
 from roughvol.typing import Array
@@ -71,6 +72,7 @@ class Network:
         is factorised, or if it is too large, a `ConvergenceError` is raised.
         """
         left, pressure, direction = inflow.copy(), np.zeros(inflow.shape), np.zeros(inflow.shape)
+        outflow = np.empty(inflow.shape)
         fallen, product, steps, turns = 0.0, np.inf, list[float](), list[float]()
         while not self.exact and len(steps) < STEPS:
             towards = self._inverse(left)
@@ -83,12 +85,9 @@ class Network:
             if product <= 0.0:  # the inverse has 32 bits, and is not positive here
                 break
             turns.append(product / before)
-            _add(towards, turns[-1], direction)
-            direction = towards
-            outflow = self._conductances.outflow(direction)
+            multigrid.turned(direction, towards, turns[-1], *self._conductances, outflow)
             steps.append(product / float(np.vdot(direction, outflow)))
-            _add(pressure, steps[-1], direction)
-            _add(left, -steps[-1], outflow)
+            multigrid.stepped(pressure, left, direction, outflow, steps[-1])
             fallen += steps[-1] * product
         if not self.exact and inflow.size > FACTORISED:
             message = f"the flow through {inflow.size} elements did not converge in {len(steps)} steps"
@@ -97,14 +96,6 @@ class Network:
             self._inverse, self.exact = Multigrid(self._conductances, inflow.size), True
         pressure = self._inverse(inflow)
         return pressure, 0.0, float(np.vdot(pressure, inflow))
-
-
-@compiled
-def _add(field: Array, factor: float, other: Array) -> None:
-    """Add a multiple of another field of the same shape."""
-    for i in range(field.shape[0]):
-        for j in range(field.shape[1]):
-            field[i, j] += factor * other[i, j]
 
 
 def smallest(steps: list[float], turns: list[float]) -> float:
@@ -161,19 +152,20 @@ def flow_through(down: Array, east: Array, accuracy: float = ACCURACY, start: Ar
     network = Network(between_reservoirs(down, east))
     u = np.zeros(east.shape) if start is None else start.copy()
     nearer, ends = np.zeros(east.shape), (1.0, 0.0)
-    through, aside, dissipation = _fluxes(down, east, u, nearer, *ends)
+    through, aside = np.empty(down.shape), np.empty(east.shape)
+    dissipation = _fluxes(through, aside, down, east, u, nearer, *ends)
     for attempt in range(SOLVES):
         before = dissipation
         least = ROUNDING if attempt + 1 < SOLVES else 0.0
         more, error = network.correction(surplus(through, aside), dissipation, accuracy, least)
         u += more
-        through, aside, dissipation = _fluxes(down, east, u, nearer, *ends)
+        dissipation = _fluxes(through, aside, down, east, u, nearer, *ends)
         if accuracy > REFINED and not network.exact and before < LOST * dissipation:
             break
         if attempt == 0:
             nearer, ends = (u > 0.5).astype(np.float64), (0.0, 1.0)
             u -= nearer
-            through, aside, dissipation = _fluxes(down, east, u, nearer, *ends)
+            dissipation = _fluxes(through, aside, down, east, u, nearer, *ends)
     return Flow(through, aside, dissipation, error, nearer + u)
 
 
@@ -187,29 +179,38 @@ def between_reservoirs(down: Array, east: Array) -> Conductances:
 
 @compiled
 def _fluxes(
-    down: Array, east: Array, fine: Array, whole: Array, fine_inlet: float, whole_inlet: float
-) -> tuple[Array, Array, float]:
-    """Return the fluxes through the faces and their dissipation, for pressures that are the sum of two fields.
+    through: Array,
+    aside: Array,
+    down: Array,
+    east: Array,
+    fine: Array,
+    whole: Array,
+    fine_inlet: float,
+    whole_inlet: float,
+) -> float:
+    """Write the fluxes through the faces, and return their dissipation, for pressures that are the sum of two fields.
 
     Pressures of the inlet are given for both fields, pressures of the outlet are 0.
     """
     rows, columns = east.shape
-    through, aside, dissipation = np.empty(down.shape), np.empty(east.shape), 0.0
+    fine_ends, whole_ends, outlet = np.full(columns, fine_inlet), np.full(columns, whole_inlet), np.zeros(columns)
+    dissipation = 0.0
     for i in range(rows + 1):
+        above, below = fine[i - 1] if i else fine_ends, fine[i] if i < rows else outlet
+        high, low = whole[i - 1] if i else whole_ends, whole[i] if i < rows else outlet
         of_line = 0.0  # sums of lines keep the digits of a sum over millions
         for j in range(columns):
-            fall = (fine[i - 1, j] if i else fine_inlet) - (fine[i, j] if i < rows else 0.0)
-            fall += (whole[i - 1, j] if i else whole_inlet) - (whole[i, j] if i < rows else 0.0)
+            fall = (above[j] - below[j]) + (high[j] - low[j])
             through[i, j] = down[i, j] * fall
             of_line += through[i, j] * fall
         if i < rows:
             for j in range(columns):
                 on = j + 1 if j + 1 < columns else 0
-                fall = (fine[i, j] - fine[i, on]) + (whole[i, j] - whole[i, on])
+                fall = (below[j] - below[on]) + (low[j] - low[on])
                 aside[i, j] = east[i, j] * fall
                 of_line += aside[i, j] * fall
         dissipation += of_line
-    return through, aside, dissipation
+    return dissipation
 
 
 def flow_around(conductances: Conductances, accuracy: float = ACCURACY) -> float:

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from roughvol.errors import ConvergenceError
 from roughvol.gap import multigrid, network
 from roughvol.gap.gas import conduction_of_gas
-from roughvol.gap.multigrid import Conductances, Multigrid
+from roughvol.gap.multigrid import Conductances, Multigrid, turned
 from roughvol.gap.transport import cell_conduction, conduction
 from tests.gap.kit import any_gap, rough
 
@@ -126,7 +126,12 @@ def test_matrix_and_outflow_of_a_grid_are_those_of_its_joints(shape: tuple[int, 
         flux = joints * (p - np.roll(p, -1, axis))
         out += flux - np.roll(flux, 1, axis)
     assert_allclose((network.matrix() @ p.ravel()).reshape(shape), out, atol=1e-14)
-    assert_allclose(network.outflow(p), out, atol=1e-14)
+    towards = random.random(shape)
+    direction = (p - towards) / 0.5
+    outflow = np.empty(shape)
+    turned(direction, towards, 0.5, *network, outflow)
+    assert_allclose(direction, p, atol=1e-14)
+    assert_allclose(outflow, out, atol=1e-13)
 
 
 def test_the_cycle_is_symmetric_and_positive() -> None:
