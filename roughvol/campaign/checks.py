@@ -7,8 +7,7 @@ from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
 from roughvol.campaign import workers
-from roughvol.campaign.case_surface import surface_of
-from roughvol.campaign.one_case import kernel_on
+from roughvol.campaign.case_surface import kernel_on, surface_of
 from roughvol.contact.halfspace import LEAST_PERIOD
 from roughvol.errors import ContactError, DatasetError, Problem, StudyError
 from roughvol.observables import regions
