@@ -245,7 +245,7 @@ def at(run: Run, group: Dataset, level: Level) -> State:
 def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach: list[float]) -> State | None:
     """Return the surfaces at a level of a leg, None if there are none; add the values of the leg to ``reach``."""
     on_leg = group["leg"].values == leg if "leg" in group else np.ones(group.sizes["step"], dtype=bool)
-    part = group.isel(step=np.flatnonzero(on_leg))
+    part = group.isel(step=np.flatnonzero(on_leg)) if "leg" in group else group
     offset = int(np.flatnonzero(on_leg)[0])
     own = _recorded(group, level, leg)
     flows = {} if level.kind == "last" else leak.recorded(group, _label(level, leg))

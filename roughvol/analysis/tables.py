@@ -30,14 +30,15 @@ class Table:
 def spread(ds: Dataset) -> Dataset:
     """Return a dataset with a column for each direction, ``leak_rate_x`` and ``leak_rate_y``, in place of ``axis``."""
     columns = {}
-    for key, variable in ds.data_vars.items():
+    for key in ds.data_vars:
+        variable = ds.variables[key]  # quicker than the array with its coordinates
         if "axis" not in variable.dims:
             columns[str(key)] = variable
             continue
         symbol = str(variable.attrs.get("symbol", key))
         for axis in AXES:
-            words = {"symbol": re.sub(r"(?<![A-Za-z])i(?![A-Za-z])", axis, symbol)}
-            columns[f"{key}_{axis}"] = variable.sel(axis=axis, drop=True).assign_attrs(words)
+            part = columns[f"{key}_{axis}"] = variable.isel(axis=ds.indexes["axis"].get_loc(axis))
+            part.attrs["symbol"] = re.sub(r"(?<![A-Za-z])i(?![A-Za-z])", axis, symbol)
     return Dataset(columns, coords=ds.drop_dims("axis", errors="ignore").coords, attrs=ds.attrs)
 
 

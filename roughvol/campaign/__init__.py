@@ -14,7 +14,7 @@ Room of the campaign.
 `validity`        limits of the model that a study exceeds, rows of validity.toml
 `cost`            memory, disk and time of a study, estimated
 `one_case`        one case: surface, sweep, reduction
-`case_surface`    surface of a case, generated or read
+`case_surface`    surface of a case, generated or read, and its kernel
 `path`            indentations of the legs of a sweep
 `workers`         tasks handed to processes of this machine or to a cluster
 `cluster`         workers of a Dask cluster

@@ -1,4 +1,4 @@
-"""The surface of a case, generated or read, without the solver."""
+"""The surface of a case, generated or read, and the kernel on its lattice, without the solver."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from threadpoolctl import ThreadpoolController
 
+from roughvol.contact.kernels import Kernel, kernel_of
 from roughvol.study import Case
 from roughvol.surfaces import measured
 from roughvol.surfaces.midpoint import random_midpoint_displacement
@@ -49,6 +50,12 @@ def surface_of(case: Case) -> Surface:
             case.D, case.m, side=case.L, seed=case.seed, law=case.midpoint_law, periodic=case.periodic
         )
     return made if made.sides == case.sides else replace(made, sides=case.sides)
+
+
+def kernel_on(spacing: float, case: Case) -> Kernel:
+    """Return the kernel of a case on a lattice."""
+    lengths = {name: length / spacing for name, length in case.kernel.lengths}
+    return kernel_of(case.kernel.name, **lengths, **dict(case.kernel.numbers))
 
 
 @functools.lru_cache(maxsize=1)

@@ -7,8 +7,7 @@ from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
 from roughvol.campaign import workers
-from roughvol.campaign.case_surface import surface_of
-from roughvol.campaign.one_case import arrays_of_case, kernel_on
+from roughvol.campaign.case_surface import kernel_on, surface_of
 from roughvol.contact.halfspace import LEAST_PERIOD
 from roughvol.errors import ContactError, DatasetError, Problem, StudyError
 from roughvol.observables import regions
@@ -51,6 +50,8 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
     with study.placing():
         register(study.record, study.ensemble)
         if study.ensemble is not None and study.ensemble.accuracy.own:  # functions that fail do so before the run
+            from roughvol.campaign.one_case import arrays_of_case  # it imports xarray
+
             arrays_of_case(study.cases()[0])
     if isinstance(given, MadeSurface):
         cases = study.cases()

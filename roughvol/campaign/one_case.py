@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from roughvol.campaign import path
-from roughvol.campaign.case_surface import one_thread, surface_of
+from roughvol.campaign.case_surface import kernel_on, one_thread, surface_of
 from roughvol.contact import convolution
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.kernels import Kernel, kernel_of
+from roughvol.contact.kernels import Kernel
 from roughvol.contact.loading import Compliance, sweep
 from roughvol.observables import reduction
 from roughvol.observables.levels import options_of
@@ -190,12 +190,6 @@ def _swept(
             if stopped:
                 raise Stopped
     return reduced.values()
-
-
-def kernel_on(spacing: float, case: Case) -> Kernel:
-    """Return the kernel of a case on a lattice."""
-    lengths = {name: length / spacing for name, length in case.kernel.lengths}
-    return kernel_of(case.kernel.name, **lengths, **dict(case.kernel.numbers))
 
 
 def half_space_of(surface: Surface, kernel: Kernel, threads: int, held: HalfSpaces) -> HalfSpace:

@@ -86,6 +86,8 @@ class _Commands(click.Group):
         if command[0] not in LIGHT and (message := machine.too_narrow()):
             say(f"error: {message}", err=True)
             ctx.exit(FAILED)
+        if command[0] != "run":  # whose --scheduler is one of dask
+            ctx.with_resource(_without_dask())
         return command
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
@@ -130,6 +132,18 @@ def renamed(words: list[str]) -> list[str]:
             option = row.new
         found.append(f"{option}{equals}{value}")
     return found
+
+
+@contextlib.contextmanager
+def _without_dask() -> Iterator[None]:
+    """Hide dask where it is installed: xarray and pyfftw would import it, as long as a whole command."""
+    if hidden := "dask" not in sys.modules:
+        sys.modules["dask"] = None  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        if hidden:
+            del sys.modules["dask"]
 
 
 @contextlib.contextmanager

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from xarray import Dataset
 
+from roughvol.analysis import leak
 from roughvol.analysis.at import RULE, State, at, legs_of
 from roughvol.analysis.average import average, is_flow
 from roughvol.analysis.derived import check_pressed, derived, groups
@@ -62,13 +63,17 @@ class Records(NamedTuple):
         return frame
 
 
-def _named(run: Run, units: dict[str, str] | None = None, *, steps: bool = False) -> list[tuple[str, Dataset]]:
+def _named(
+    run: Run, units: dict[str, str] | None = None, *, steps: bool = False, recorded: bool = True
+) -> list[tuple[str, Dataset]]:
     """Return the groups of surfaces of a run by name, in common units where these are given.
 
-    With ``steps`` the leak of the seal of the study stands at each step.
+    With ``steps`` the leak of the seal of the study stands at each step. Without ``recorded`` the states beside the
+    steps are left out.
     """
     check_pressed(run.dataset, run.name)
-    ready = derived(run.dataset, run.study)
+    dims = {*CASE, "step", "axis", *(STATES if recorded else (leak.STATE,))}  # of what a table shows
+    ready = derived(run.dataset.drop_dims(set(run.dataset.dims) - dims), run.study)
     named = list(groups(ready if units is None else in_units(ready, units)))
     return [(name, with_leaks(run.study, group, group)) for name, group in named] if steps else named
 
@@ -121,7 +126,7 @@ def _chief(run: Run, group: Dataset) -> Iterator[State]:
 
 def shown(run: Run, levels: Sequence[Level] = ()) -> list[Table]:
     """Return the tables of ``roughvol show``: all steps of each group of surfaces, or the states asked for."""
-    named = _named(run, steps=not levels)
+    named = _named(run, steps=not levels, recorded=bool(levels))
     if levels:
         found = _of_groups("steps", [row for level in levels for row in _reaching(run, named, level)])
         return [found.table("", *found.notes(), RULE, *[BETWEEN_STEPS] * (STIFFNESS in found.columns))]
@@ -187,7 +192,7 @@ def records(run: Run, levels: Sequence[Level] = ()) -> Records:
 
 def _records(run: Run, levels: Sequence[Level], common: dict[str, str]) -> tuple[list[dict[str, Any]], dict[str, str]]:
     """Return the numbers of every surface of one combination in common units, and these units."""
-    named = _named(run, common, steps=True)
+    named = _named(run, common, steps=True, recorded=bool(levels))
     if levels:
         every = [[(state, spread(state.data))] for level in levels for _, state in _reaching(run, named, level)]
     else:

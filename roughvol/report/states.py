@@ -106,6 +106,7 @@ class States:
 def every_step(group: Dataset) -> Iterator[tuple[State, Dataset]]:
     """Yield the states of surfaces along ``seed`` step by step, where any is solved, and their numbers by direction."""
     along = spread(group)
+    along = along[[name for name in along.data_vars if "step" in along[name].dims]]
     for k in np.flatnonzero(group[P].notnull().any("seed").values).tolist():
         yield State(str(int(group["step"].values[k])), group.isel(step=k), group.sizes["seed"]), along.isel(step=k)
 
