@@ -13,6 +13,9 @@ READINGS := ten_seeds_of_m many_seeds morphology_of_D full_contact first_contact
 LITERATURE := wave_love wave_fourier wave_punch two_codes area load closing stiffness \
               mirco_sup2 mirco_supN6 mirco_sup5 mirco_sup7 challenge
 
+# Bytecode is written: else every process of the tests, and every run of them, compiles the package and the tests anew.
+export PYTHONDONTWRITEBYTECODE :=
+
 .DEFAULT_GOAL := setup
 .PHONY: help setup reproduce seal literature test bench bench-peers validation windows tradeoff intervals extremes pages publish-check reference public crossing docs coverage test-slow lint smoke clean
 

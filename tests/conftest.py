@@ -1,23 +1,21 @@
-"""What several test modules share: where tests compute, and one stored run."""
+"""What several test modules share: where tests compute, what they read and draw once, and one stored run."""
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from threadpoolctl import threadpool_limits
-
-from roughvol.campaign import execution, workers
-from roughvol.report.figures.style import Drawing
-
-SAVED = Drawing.savefig
 
 
 @pytest.fixture(scope="session", autouse=True)
 def _one_thread() -> Iterator[None]:
     """Take one thread for linear algebra: with small matrices, several threads mostly wait for each other."""
+    from threadpoolctl import threadpool_limits
+
     with threadpool_limits(1):
         yield
 
@@ -25,40 +23,91 @@ def _one_thread() -> Iterator[None]:
 @pytest.fixture(scope="session", autouse=True)
 def _in_this_process() -> Iterator[None]:
     """Compute in this process, also in fixtures: starting a worker takes longer than most cases here."""
+    from roughvol.campaign import workers
+
     with workers.in_this_process():
         yield
 
 
 @pytest.fixture(autouse=True)
 def _in_processes_where_marked(request: pytest.FixtureRequest) -> Iterator[None]:
+    from roughvol.campaign import workers
+
     with workers.in_this_process(request.node.get_closest_marker("processes") is None):
         yield
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _quick_figures() -> Iterator[None]:
-    """Save figures coarsely, without a layout, and PDF blank: layout and fonts take most of their time."""
+def _read_once() -> Iterator[None]:
+    """Read each text and each content of a file once in a session: commands read the same files over and over.
+
+    The arrays of a file are not writeable, so that no test changes them for another.
+    """
+    from roughvol.store import dataset
+    from roughvol.study import plain_data
+
+    loader, opened = plain_data._Loader, dataset._opened
+    nodes = functools.lru_cache(maxsize=512)(lambda text: loader(text).get_single_node())
+
+    @functools.lru_cache(maxsize=256)
+    def held(content: bytes) -> Any:
+        found = opened(content)
+        for variable in found.data_vars.values():
+            variable.values.flags.writeable = False
+        return found
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Drawing, "savefig", _saved_quickly)
+        patch.setattr(plain_data, "_Loader", lambda text: SimpleNamespace(get_single_node=lambda: nodes(text)))
+        patch.setattr(dataset, "_opened", lambda content: held(content).copy())
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _draw_sheets_once() -> Iterator[None]:
+    """Draw the sheets of the same patches once in a session: card, page and JSON ask for them again."""
+    from roughvol.analysis import seal
+
+    drawn = seal.drawn
+    known: dict[tuple[object, ...], Any] = {}
+
+    def remembered(along: Any, across: Any, *others: Any, **named: Any) -> Any:
+        key = (along.tobytes(), across.tobytes(), *others, *named.items())
+        if key not in known:
+            known[key] = drawn(along, across, *others, **named)
+        return known[key].copy()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(seal, "drawn", remembered)
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _blank_figures() -> Iterator[None]:
+    """Save blank figures of the same size: layout, text and fonts take most of the time of a figure."""
+    from roughvol.report.figures.style import Drawing
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Drawing, "savefig", functools.partialmethod(_saved_blank, Drawing.savefig))
         yield
 
 
 @pytest.fixture(autouse=True)
-def _figures_with_layout_where_marked(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+def _figures_where_marked(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if request.node.get_closest_marker("layout") is not None:
-        monkeypatch.setattr(Drawing, "savefig", SAVED)
+        from roughvol.report.figures.style import Drawing
+
+        monkeypatch.setattr(Drawing, "savefig", Drawing.__dict__["savefig"].args[0])
 
 
-def _saved_quickly(figure: Drawing, file: Any, **options: Any) -> None:
-    if str(file).endswith(".pdf"):
-        figure = Drawing()  # the fonts of a PDF take a second
-    figure._layout_engine = None  # "none" would leave a placeholder, for which matplotlib draws a figure twice
-    SAVED(figure, file, **options | {"dpi": 40})
+def _saved_blank(figure: Any, saved: Any, file: Any, **options: Any) -> None:
+    saved(type(figure)(figsize=figure.get_size_inches()), file, **options | {"dpi": 40})
 
 
 @pytest.fixture(scope="session")
 def small_study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The stored answer (study.nc) of tests/regression/small.yaml."""
+    from roughvol.campaign import execution
+
     folder = tmp_path_factory.mktemp("runs") / "small"
     execution.run(Path(__file__).parent / "regression" / "small.yaml", out=folder, jobs=2)
     return folder / "study.nc"

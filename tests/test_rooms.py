@@ -6,6 +6,7 @@ Imports are read from the syntax trees: inside functions and under TYPE_CHECKING
 from __future__ import annotations
 
 import ast
+import functools
 import graphlib
 import importlib
 import re
@@ -80,6 +81,7 @@ THREADS = ("threading", "concurrent.futures")
 Imports = Mapping[str, set[str]]
 
 
+@functools.cache
 def _source() -> dict[str, ast.Module]:
     paths = sorted(path for path in PACKAGE.rglob("*.py") if "__pycache__" not in path.parts)
     return {_name(path): ast.parse(path.read_text(encoding="utf-8")) for path in paths}
@@ -102,8 +104,9 @@ def _imports(tree: ast.Module) -> set[str]:
     return found
 
 
-SOURCE = _source()
-IMPORTS = {module: _imports(tree) for module, tree in SOURCE.items()}
+@functools.cache
+def _all_imports() -> Imports:
+    return {module: _imports(tree) for module, tree in _source().items()}
 
 
 def _modules_imported(module: str, imports: Imports) -> Iterator[str]:
@@ -147,20 +150,20 @@ def module_of(package: str, target: str) -> bool:
 
 
 def test_imports_go_down_only() -> None:
-    assert _upward(IMPORTS) == []
+    assert _upward(_all_imports()) == []
     assert _upward({"surfaces.x": {"roughvol.study.load"}, "study": set()}) == ["surfaces.x -> study"]
     assert _upward({"campaign.x": {"roughvol.report.y"}, "report.y": set()}) == ["campaign.x -> report.y"]
 
 
 def test_no_two_modules_import_each_other() -> None:
-    assert _circle(IMPORTS) == []
+    assert _circle(_all_imports()) == []
     assert _circle({"campaign.a": {"roughvol.campaign.b.f"}, "campaign.b": {"roughvol.campaign.a.g"}})
 
 
 def test_libraries_stay_in_their_rooms() -> None:
     wrong = [
         f"{module}: {name}"
-        for module, names in IMPORTS.items()
+        for module, names in _all_imports().items()
         for name in sorted({name.split(".")[0] for name in names} - ANYWHERE - {"roughvol", "__future__"})
         if not any(f"{module}.".startswith(f"{room}.") for room in LIBRARIES.get(name, ()))
     ]
@@ -175,7 +178,7 @@ def test_processes_and_threads_start_in_one_place_each() -> None:
     }
     wrong = [
         f"{module}: {name}"
-        for module, names in IMPORTS.items()
+        for module, names in _all_imports().items()
         for name in names
         if any(f"{name}.".startswith(f"{door}.") for door in PROCESSES + THREADS)
         and not any(f"{name}.".startswith(f"{door}.") for door in allowed.get(module, ()))
@@ -187,7 +190,7 @@ def test_only_the_command_line_prints_and_exits() -> None:
     forbidden = {"print", "input", "exit", "quit", "sys.exit", "SystemExit", "sys.stdout.write", "sys.stderr.write"}
     wrong = [
         f"{module}: {ast.unparse(node.func)}"
-        for module, tree in SOURCE.items()
+        for module, tree in _source().items()
         if module not in ("cli", "__main__")
         for node in ast.walk(tree)
         if isinstance(node, ast.Call) and ast.unparse(node.func) in forbidden
@@ -198,7 +201,7 @@ def test_only_the_command_line_prints_and_exits() -> None:
 def test_private_names_stay_in_their_module() -> None:
     private = {
         f"{module}: {name}"
-        for module, names in IMPORTS.items()
+        for module, names in _all_imports().items()
         for name in names
         if name.startswith("roughvol.") and name.rpartition(".")[2].startswith("_") and not name.endswith("__version__")
     }

@@ -14,21 +14,13 @@ from click.testing import CliRunner
 import roughvol
 from roughvol.analysis.accessor import Accessor
 from roughvol.cli import main
-from roughvol.store import dataset
 from roughvol.study import Study
 from roughvol.study.sections.record import Record
 from tests.crossing.kinds import BY_NAME, KINDS
 from tests.crossing.questions import QUESTIONS, Made, Refused
 from tests.crossing.table import CELLS, NOT_ASKED, PAGE, TOGETHER, cell, page
 
-_opened = functools.lru_cache(maxsize=256)(dataset._opened)
 PLACES = [(question, kind.name) for kind in KINDS for question in QUESTIONS]
-
-
-@pytest.fixture(autouse=True)
-def _read_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Open each content of a file once in a session: the questions read the same files over and over."""
-    monkeypatch.setattr(dataset, "_opened", lambda content: _opened(content).copy(deep=True))
 
 
 @pytest.fixture(scope="session")

@@ -18,10 +18,9 @@ from tests.stored_runs.archive import VERSIONS, studies, unpack
 
 CASES = [(version, name) for version in VERSIONS for name in studies(version)]
 OLDEST = VERSIONS[0]
-# The same cases, where a question takes seconds: of the versions between, one run each, the rest in `make test-slow`.
+# The same cases, where a question takes seconds: of the versions since, one run each, the rest in `make test-slow`.
 SOME = [
-    pytest.param(*case, marks=() if case[0] in (OLDEST, VERSIONS[-1]) or case[1] == "paper" else pytest.mark.slow)
-    for case in CASES
+    pytest.param(*case, marks=() if case[0] == OLDEST or case[1] == "paper" else pytest.mark.slow) for case in CASES
 ]
 ROUNDING = ("transmissivity_conservation_error",)  # of the order of 1e-16 until 0.14
 # Where a way closes between two steps, 0.11.1 had it closed; since 0.12 its leak falls on a straight line to 0.
