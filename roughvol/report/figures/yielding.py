@@ -48,7 +48,7 @@ def path_loops(ds: Dataset) -> Drawing:
         for leg in legs:
             begin = int(np.flatnonzero(ds["leg"].values == leg)[0])
             steps = slice(max(begin - 1, 0), begin + int((ds["leg"] == leg).sum()))
-            part = averages(spread(family.data.isel(step=steps)))
+            part = averages(spread(family.data.isel(step=steps))[[load, *(name for name, *_ in names)]])
             dash = DASHES[(int(leg) - 1) % len(DASHES)]
             for ax, (name, _, logarithmic) in zip(panels, names, strict=True):
                 computed = part[name].notnull().values
