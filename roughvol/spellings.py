@@ -7,20 +7,19 @@ new one. docs/reference/promise.md says how long. Names that left before version
 from __future__ import annotations
 
 import functools
+import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar, cast
 
 import lazy_loader
 
 from roughvol._version import __version__
 from roughvol.errors import RoughvolDeprecation, warn
 
-Kind = Literal[
-    "key", "load", "variable", "attribute", "figure", "option", "answer", "exit code", "name", "argument", "entry point"
-]
-T = TypeVar("T")
+Kind = Literal["key", "load", "variable", "attribute", "figure", "option", "answer", "exit code", "name", "entry point"]
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True)
@@ -33,13 +32,13 @@ class Former:
         What it names. An answer is a key of ``--json``.
     old : str
         A key with its sections, also with a value, as ``sweep.steps=auto``; an option behind its command; a Python name
-        behind its module; an argument behind its class.
+        behind its module; an argument in brackets behind its function or class.
     new : str
-        The new spelling, or what to do.
+        The new spelling, or what to do. Of an argument that works: the new argument alone.
     since, until : str
         The version that brought the new spelling, and the first that refuses the former one.
     values : mapping
-        New values of a key by former ones. Other values stay.
+        New values of a key or an argument by former ones. Other values stay.
     """
 
     kind: Kind
@@ -74,8 +73,19 @@ FORMER = (
     Former("figure", "answer_cost", "ensemble_cost", "0.13.0", "0.13.0"),
     Former("figure", "tradeoff_answer", "the other figures of roughvol tradeoff", "0.13.0", "0.13.0"),
     Former("name", "roughvol.contact.PeriodicHalfSpace", 'HalfSpace(shape, sides="periodic")', "0.14.0", "0.14.0"),
-    Former("argument", "HalfSpace periodic", 'sides="free" or "periodic"', "0.16.0", "0.16.0"),
-    Former("argument", "Surface periodic", 'sides="free" or "periodic"', "0.16.0", "0.16.0"),
+    *(
+        Former("name", f"roughvol.{made}(periodic)", 'sides="free" or "periodic"', "0.16.0", "0.16.0")
+        for made in ("contact.Contact", "contact.HalfSpace", "surfaces.Surface")
+    ),
+    Former("name", "roughvol.contact.Contact(converged)", "nothing: it follows from residual", "0.14.0", "0.14.0"),
+    *(
+        Former("name", f"roughvol.campaign.run_case({name})", f"context=Context({name}=…)", version, version)
+        for version, names in (
+            ("0.13.0", ("checkpoint", "half_spaces", "on_step", "stopping", "threads")),
+            ("0.14.0", ("study", "surface")),
+        )
+        for name in names
+    ),
     Former("name", "roughvol.surfaces.levelling", "roughvol.surfaces.treatment", "0.14.0", "0.14.0"),
 )
 
@@ -106,19 +116,29 @@ def attach(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], 
     return attribute, names, every
 
 
-def arguments(made: type[T]) -> type[T]:
-    """Let a class refuse its former arguments with the new ones."""
-    refusing: Any = made
-    build = refusing.__init__
+def arguments(made: F) -> F:
+    """Let a function or a class take its former arguments with a warning, or refuse them with the new ones."""
+    decorated: Any = made
+    call = decorated.__init__ if isinstance(made, type) else made
+    present = inspect.signature(call).parameters
 
-    @functools.wraps(build)
-    def checked(self: T, *values: Any, **named: Any) -> None:
-        for name in named:
-            if row := former("argument", f"{made.__name__} {name}"):
-                raise TypeError(f"{made.__name__}: argument {name} {row.message}")
-        build(self, *values, **named)
+    @functools.wraps(call)
+    def checked(*values: Any, **named: Any) -> Any:
+        taken: dict[str, Any] = {}
+        for name in named.keys() - present:
+            end = f".{decorated.__name__}({name})"
+            if row := next((row for row in of("name") if row.old.endswith(end)), None):
+                message = f"{decorated.__name__}: argument {name} {row.message}"
+                if not row.works:
+                    raise TypeError(message)
+                warn([message], RoughvolDeprecation)
+                value = named.pop(name)
+                taken[row.new] = row.values.get(value, value) if row.values else value
+        return call(*values, **named, **taken)
 
-    refusing.__init__ = checked
+    if not isinstance(made, type):
+        return cast("F", checked)
+    decorated.__init__ = checked
     return made
 
 

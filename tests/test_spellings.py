@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import importlib
+import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import roughvol.contact
-import roughvol.surfaces
 from roughvol import spellings
 from roughvol.errors import RoughvolDeprecation, StudyError
 from roughvol.spellings import FORMER, Former
 from roughvol.study import loads, of_data
 from roughvol.study.reference import keys
+from roughvol.surfaces import Surface
+from tests import public_names
 from tests.kit import call, refused
 
 STUDY = "surface: {D: 2.3, m: 3, seeds: 1%s}\nsweep: {steps: 0}\n"
@@ -99,11 +103,29 @@ def test_a_former_option_and_name_work_with_a_warning(monkeypatch: pytest.Monkey
         assert roughvol.contact.Body is roughvol.contact.HalfSpace
 
 
-@pytest.mark.parametrize("made", [roughvol.contact.HalfSpace, roughvol.surfaces.Surface])
-def test_a_former_argument_is_refused_with_the_new_one(made):
-    words = rf'{made.__name__}: argument periodic left with version 0.16.0; in its place: sides="free" or "periodic"'
-    with pytest.raises(TypeError, match=words):
-        made((5, 5), periodic=True)
+ARGUMENTS = [(row, *row.old.rstrip(")").split("(")) for row in FORMER if row.old.endswith(")")]
+
+
+@pytest.mark.parametrize(("row", "made", "name"), ARGUMENTS, ids=[row.old for row, _, _ in ARGUMENTS])
+def test_a_former_argument_is_refused_with_the_new_one(row: Former, made: str, name: str) -> None:
+    module, _, last = made.rpartition(".")
+    words = f"{last}: argument {name} left with version {row.until}; in its place: {row.new}"
+    with pytest.raises(TypeError, match=f"^{re.escape(words)}$"):
+        getattr(importlib.import_module(module), last)(**{name: None})
+
+
+def test_a_former_argument_that_works_is_the_new_one_with_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = Former("name", "roughvol.surfaces.Surface(ends)", "sides", "1.0.0", LATER, {"open": "free"})
+    _known(monkeypatch, row)
+    heights = np.eye(3)
+    words = f"Surface: argument ends is the former spelling of sides, and works until version {LATER}"
+    with pytest.warns(RoughvolDeprecation, match=words) as said:
+        assert Surface(heights, 1.0, ends="open").sides == "free"
+    assert [one.filename for one in said] == [__file__]
+    with pytest.warns(RoughvolDeprecation):
+        assert Surface(heights, 1.0, ends="mirrored").sides == "mirrored"
+    with pytest.warns(RoughvolDeprecation), pytest.raises(TypeError, match=r"multiple values for .*'sides'"):
+        Surface(heights, 1.0, ends="open", sides="free")
 
 
 def test_former_spellings_are_former() -> None:
@@ -114,4 +136,5 @@ def test_former_spellings_are_former() -> None:
             assert "=" in row.old or row.old not in known
             assert row.new in known or not row.works
         if row.kind == "name":
+            assert row.old not in public_names.stored()["name"]
             assert row.old.rpartition(".")[2] not in dir(roughvol.contact)

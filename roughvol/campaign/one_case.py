@@ -18,6 +18,7 @@ from roughvol.observables import reduction
 from roughvol.observables.levels import options_of
 from roughvol.observables.reduction import Reduction
 from roughvol.observables.regions import Values
+from roughvol.spellings import arguments
 from roughvol.store import checkpoint as checkpoints
 from roughvol.store import dataset, provenance, small_file
 from roughvol.store.checkpoint import Checkpoint
@@ -91,6 +92,7 @@ class Context:
         return provenance.provenance(self.study, fft=FFT | {"threads": str(self.threads)}, cases=[case])
 
 
+@arguments
 def run_case(case: Case, context: Context | None = None) -> Dataset:
     """Return all that is asked about one surface: made (Section 2), pressed step by step (Section 3), reduced.
 

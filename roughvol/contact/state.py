@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from roughvol.contact.kernels import Kernel
 from roughvol.contact.law import ELASTIC, RigidWall
+from roughvol.spellings import arguments
 from roughvol.typing import Array, Index, Mask, Sides
 
 
@@ -57,6 +58,7 @@ class Compliance(Protocol):
         ...
 
 
+@arguments
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Contact:
     """One equilibrium state. Numbers have no unit (starred). Arrays are made on demand and belong to the caller.
