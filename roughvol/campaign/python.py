@@ -33,7 +33,7 @@ OF_PRESS = {
     **dict.fromkeys(("surface.file", "surface.heights"), "argument heights"),
     "surface.L": "argument L",
     "material": "arguments E, nu and E_star",
-    **{f"material.{name}": f"argument {name}" for name in ("E", "nu", "E_star", "hardness")},
+    **{f"material.{name}": f"argument {name}" for name in ("E", "nu", "E_star", "thickness", "hardness")},
     **{name: f"argument {name}" for name in ("sweep", "record", "solver", "fluid")},
     **{f"sweep.{name}": f"argument {name}" for name in ("to", "steps")},
 }
@@ -133,6 +133,7 @@ def press(
     E: Number | None = None,
     nu: SupportsFloat | None = None,
     E_star: Number | None = None,
+    thickness: Number | None = None,
     hardness: Number | None = None,
     to: str | Mapping[str, Any] | None = None,
     steps: SupportsIndex | None = None,
@@ -143,7 +144,7 @@ def press(
     surface: Mapping[str, Any] | None = None,
     jobs: int | None = None,
 ) -> Dataset:
-    """Return the contact of a height map with an elastic half space; nothing is kept on disk.
+    """Return the contact of a height map with an elastic half space or layer; nothing is kept on disk.
 
     Numbers may be of Python or numpy, text with a unit as ``"10 MPa"``, or quantities of pint. A pressure without a
     unit is p* = p L/(E* Sq), also beside a modulus with a unit.
@@ -163,6 +164,9 @@ def press(
         Poisson's ratio, with E. Default: 0.3, with a warning.
     E_star : float, str or Quantity, optional
         Contact modulus instead of E and nu. Default: 1.
+    thickness : float, str or Quantity, optional
+        Thickness of an elastic layer of E and nu, bonded to a rigid base, as ``"50 um"``. A number is in the unit of L.
+        The sides are mirrored or periodic. Default: a half space.
     hardness : float, str or Quantity, optional
         Largest contact pressure. Default: elastic contact.
     to : str or mapping, optional
@@ -217,7 +221,7 @@ def press(
     if E is not None and nu is None and E_star is None:
         nu = NU
         notes.append(f"press: argument nu is not given: {NU} is taken, as for many metals; rubber has 0.5")
-    material = {"E": E, "nu": nu, "E_star": E_star, "hardness": hardness}
+    material = {"E": E, "nu": nu, "E_star": E_star, "thickness": thickness, "hardness": hardness}
     source = {"file": heights} if isinstance(heights, str | os.PathLike) else {"heights": heights}
     study: dict[str, Any] = {
         "name": "press",

@@ -211,7 +211,7 @@ def _periodic(study: StudyFile) -> Problems:
         allowed = (
             f"needs surface.sides: mirrored or periodic; allowed on a free patch: {', '.join(get_args(FreeKernel))}"
         )
-        yield ("material",) if own else ("solver", "kernel"), f"{kernel.name!r} {allowed}"
+        yield ("material", own.lengths[0][0]) if own else ("solver", "kernel"), f"{kernel.name!r} {allowed}"
     if surface.periodic and isinstance(surface, GeneratedSurface):
         for path, m in _numbers(("surface", "m"), surface.m):
             if m < PERIODIC_LEAST_M:

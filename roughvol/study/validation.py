@@ -236,7 +236,8 @@ def _unknown(path: KeyPath, data: Any, of: Models) -> tuple[str, str | None]:
             data = data[part]
         owner = next(model for model in models if key in model.model_fields)
         rivals = [f"'{name}'" for name in data if name in known and name not in owner.model_fields]
-        return f"excluded by {' and '.join(rivals)}", None
+        needed = [f"'{name}'" for name, field in owner.model_fields.items() if field.is_required()]
+        return f"excluded by {' and '.join(rivals)}" if rivals else f"needs {' and '.join(needed)}", None
     if path[-2:-1] == ("to",) and key in LISTS:
         return f"'{key}' stands in place of 'to', as sweep: {{{key}: [...]}}", None
     meant = nearest(key, known)

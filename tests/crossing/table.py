@@ -36,8 +36,8 @@ class Cells:
 
 NO_LEAK = dict.fromkeys(("D", "ensemble", "own", "mean-plane", "unpressed"), "which the study did not record")
 PRESSED_AGAIN = (
-    "one sealed bodies spectrum materials regions legs one-way coupled gas lifted-gas region mirrored periodic closed "
-    "some-closed percolation mean-plane to-pressure to-area force nominal gap records unpressed study-changed "
+    "one sealed bodies spectrum materials layers regions legs one-way coupled gas lifted-gas region mirrored periodic "
+    "closed some-closed percolation mean-plane to-pressure to-area force nominal gap records unpressed study-changed "
     "file-changed"
 )
 ONE_MAP = {
@@ -45,7 +45,6 @@ ONE_MAP = {
     "D": "heights have shape (4, 17, 17); allowed: two axes",
     "m": "allowed: rows of one length",
     "files": "allowed: real numbers",
-    "layers": "unexpected keyword argument 'thickness'",
     **dict.fromkeys(("ensemble", "own"), "unexpected keyword argument 'ensemble'"),
 }
 ONE_KIND = (

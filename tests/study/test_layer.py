@@ -59,7 +59,7 @@ def test_a_list_of_layers_has_the_numbers_of_each_layer(tmp_path, E):
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"surface.sides": "free"}, "'layer' needs surface.sides: mirrored or periodic"),
+        ({"surface.sides": "free"}, "material.thickness: 'layer' needs surface.sides: mirrored or periodic"),
         ({"solver.kernel": "punch"}, "'punch' has no layer; allowed with material.thickness: love, fourier"),
         ({"material.against": {"E": "1 GPa", "nu": 0.3}}, "a layer is pressed by a rigid surface"),
         ({"material.thickness": "0 um"}, "must be > 0"),
@@ -68,7 +68,8 @@ def test_a_list_of_layers_has_the_numbers_of_each_layer(tmp_path, E):
         ({"material.thickness": ["20 um", 30]}, r"thickness\[1\]: either all items have a unit, or none"),
         ({"material.thickness": ["20 um", "0.02 mm"]}, r"thickness\[1\]: is item 1 of the list again"),
         ({"material.thickness": ["none", "20 um"], "surface.sides": "free"}, "'layer' needs surface.sides: mirrored"),
-        ({"material": {"E_star": "10 MPa", "thickness": "20 um"}}, "thickness"),
+        ({"material": {"E_star": "10 MPa", "thickness": "20 um"}}, "material.thickness: excluded by 'E_star'"),
+        ({"material": {"thickness": "20 um"}, "material.thickness": "20 um"}, "material.thickness: needs 'E' and 'nu'"),
         (
             {"surface.L": 1.0, "surface.Sq": None, "sweep": {"steps": 3}, "record": {}},
             "has a unit .20 um. and L has none",
@@ -86,3 +87,40 @@ def test_a_layer_thinner_than_a_quarter_of_the_spacing_is_refused_before_the_run
     with pytest.raises(StudyError, match=r"material.thickness: the layer has a thickness of 0.1 spacings.*>= 0.25"):
         roughvol.check(loads(STUDY).changed(**{"material.thickness": ["1 um", "20 um"]}))
     assert pressed(tmp_path, **{"material.thickness": "1 um", "solver.kernel": "fourier"}).free_volume[-1] > 0.0
+
+
+HEIGHTS = np.random.default_rng(0).normal(size=(12, 16))
+ARGUMENTS = {"L": "80 um", "E": "10 MPa", "nu": 0.49, "to": {"pressure": "0.5 MPa"}, "steps": 3}
+
+
+@pytest.mark.parametrize(("thickness", "sides"), [("20 um", "periodic"), ("0.02 mm", "mirrored"), (20, "mirrored")])
+def test_press_has_the_numbers_of_the_study_of_the_layer(tmp_path, thickness, sides):
+    ds = roughvol.press(HEIGHTS, **ARGUMENTS, thickness=thickness, surface={"sides": sides})
+    study = {
+        "name": "press",
+        "surface": {"heights": HEIGHTS, "L": "80 um", "sides": sides},
+        "material": {"E": "10 MPa", "nu": 0.49, "thickness": "20 um"},
+        "sweep": {"steps": 3, "to": {"pressure": "0.5 MPa"}},
+        "record": {"dimensional": {"pressure": "MPa", "mean_gap": "um"}},
+    }
+    run = roughvol.run(study, out=tmp_path / "run", jobs=1).isel(case=0)
+    xr.testing.assert_identical(answers(ds).drop_attrs(), answers(run).drop_attrs())
+    assert (ds.free_volume > roughvol.press(HEIGHTS, **ARGUMENTS, surface={"sides": sides}).free_volume)[1:].all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"surface": {"sides": "free"}}, "argument thickness: 'layer' needs surface.sides: mirrored or periodic"),
+        ({"solver": {"kernel": "punch"}}, r"""argument solver\["kernel"\]: 'punch' has no layer"""),
+        ({"thickness": "0 um"}, "argument thickness: must be > 0, given 0"),
+        ({"thickness": "1 MPa"}, "argument thickness: 'MPa' is a unit of pressure, not of length"),
+        ({"thickness": "1 um"}, "argument thickness: the layer has a thickness of .* spacings.*>= 0.25"),
+        ({"L": 80.0}, "argument thickness: has a unit .20 um. and L has none"),
+        ({"E": None, "nu": None, "E_star": 1.0}, "argument thickness: excluded by 'E_star'"),
+        ({"E": None, "nu": None}, "argument thickness: needs 'E' and 'nu'"),
+    ],
+)
+def test_press_refuses_a_layer_as_the_study_does(arguments, words):
+    with pytest.raises(StudyError, match=f"^press: {words}"):
+        roughvol.press(HEIGHTS, **(ARGUMENTS | {"thickness": "20 um"} | arguments))

@@ -26,6 +26,7 @@ def pressed() -> xr.Dataset:
     roughvol.press(heights, L=100, E_star=1.0, steps=np.int64(5))
     roughvol.press(Path("scan.npy"), L="100 um", E="10 MPa", nu=0.5, to="summit-plane", jobs=1)
     end = {"pressure": 0.1 * units.bar}
+    roughvol.press(heights, L="100 um", E="10 MPa", nu=0.5, thickness=50 * units.um, to=end)
     return roughvol.press(heights, L=0.1 * units.mm, E=10 * units.MPa, nu=np.float32(0.5), to=end, record={})
 
 
