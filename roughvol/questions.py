@@ -843,8 +843,9 @@ def explain(name: str | None = None) -> Explained:
     Parameters
     ----------
     name : str, optional
-        As ``"surface.file"``, ``"free_volume"``, ``"helium"``, or ``"my_module:my_function"`` and entry points of
-        ``roughvol.observables``. Default: the sections of a study.
+        As ``"surface.file"``, ``"free_volume"``, ``"helium"``. A quantity of your own is ``"my_module:my_function"``,
+        an entry point of ``roughvol.observables``, or its name in a run under ``runs``; its mean is
+        ``"my_number_mean"``. Default: the sections of a study.
 
     Returns
     -------
@@ -874,7 +875,6 @@ def explain(name: str | None = None) -> Explained:
     from roughvol.study import Fluid
     from roughvol.study.reference import keys
     from roughvol.study.sections.fluid import SUBSTANCES
-    from roughvol.study.values import own
 
     word = (name or "").strip().strip(".")
     if not word:
@@ -887,9 +887,10 @@ def explain(name: str | None = None) -> Explained:
     inside = tuple(key for key in keys() if key.path.rpartition(".")[0] == word)
     other = tuple(key for key in keys() if not exact and key.path.rpartition(".")[2] == word)
     stored = next((stored for stored in VARIABLES if word in (stored, *columns_of(stored))), "")
+    of_user = None if exact or stored else _own_explained(word)
+    if of_user is not None:
+        return replace(of_user, others=other)
     if not exact and not other and not stored:
-        if ":" in word or word in own.offered():
-            return _own_explained(word)
         near = difflib.get_close_matches(word, explained_names(), n=3, cutoff=0.5)
         hint = f"did you mean {' or '.join(near)}? " if near else ""
         message = f"no key and no variable {word!r}; {hint}roughvol explain lists the sections"
@@ -899,16 +900,32 @@ def explain(name: str | None = None) -> Explained:
     )
 
 
-def _own_explained(target: str) -> Explained:
-    from roughvol.observables.own import row_of
-    from roughvol.study.values import own
+def _own_explained(word: str) -> Explained | None:
+    """Return the meaning of a quantity of a user, or of a number of its mean; None for another word."""
+    from roughvol.observables.variables import MEAN_ENDS, with_means
+    from roughvol.store.run import own_quantities
+    from roughvol.study.values.own import OwnQuantity, offered
 
-    name = target.rpartition(":")[2]
+    last = word.rpartition(":")[2]
+    if ":" in word:
+        known = {last: OwnQuantity(word)}
+    else:
+        known = {name: OwnQuantity(name) for name in offered()} | own_quantities()
+    end = next((end for end in ("", *MEAN_ENDS) if last.endswith(end) and last.removesuffix(end) in known), None)
+    if end is None:
+        return None
+    from roughvol.observables.own import row_of  # the solver: not for another word
+
+    name = last.removesuffix(end)
+    target = known[name].target
     try:
-        row = row_of(name, own.OwnQuantity(target))
+        row = row_of(name, known[name])
     except Exception as error:  # whatever the module of a user raises
         raise DatasetError(f"cannot import {target!r} ({type(error).__name__}: {error})") from error
-    return Explained(name, (), (), row, f"record.own: {{{name}: {target}}}", None)
+    if end and row.dims != "... step":  # an array has no mean
+        return None
+    stored_by = f"record.own: {{{name}: {target}}}" + (f", ensemble.accuracy: {{{name}: 5 %}}" if end else "")
+    return Explained(last, (), (), with_means(name, row)[last], stored_by, None)
 
 
 def explained_names() -> list[str]:

@@ -214,6 +214,26 @@ def test_explain_describes_a_function_as_a_stored_variable():
         roughvol.explain("mine:absent")
 
 
+def test_explain_describes_a_function_and_its_mean_by_the_name_in_a_run():
+    roughvol.run(ensemble("width: mine:largest, halves: mine:halves", "width: 9 %"), jobs=1)
+    stored = roughvol.open("means")
+    for name in [name for name in VARIABLES if name.startswith(("width", "halves"))]:
+        del VARIABLES[name], QUANTITIES[name]  # as in another process
+    names = [str(name) for name in stored if str(name).startswith("width_")]
+    assert {"width_mean", "width_interval", "width_step_error_high"} < {*names}
+    for name in ("width", *names):
+        found = roughvol.explain(name)
+        assert (found.name, found.variable.symbol) == (name, stored[name].attrs["symbol"])
+        assert found.variable.long_name == stored[name].attrs["long_name"]
+    assert [key.path for key in roughvol.explain("width").others] == ["seal.width"]
+    mean = CliRunner().invoke(main, ["explain", "width_mean"]).output
+    assert "mean over all surfaces of the Largest gap" in mean
+    assert "record.own: {width: mine:largest}, ensemble.accuracy: {width: 5 %}" in mean
+    for name in ("width_median", "halves_mean"):
+        with pytest.raises(DatasetError, match=f"no key and no variable '{name}'"):
+            roughvol.explain(name)
+
+
 def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path):
     site = tmp_path / "site"
     described = site / "leakage-1.0.dist-info"
@@ -239,6 +259,7 @@ def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path):
     assert "largest_gap_of_p.png" in call("plot", "gaps", "largest_gap_of_p")
     assert "largest_gap" in call("show", "gaps", "--csv")
     assert "Largest gap" in call("explain", "largest_gap")
+    assert "mean over all surfaces of the Largest gap" in call("explain", "largest_gap_mean")
     means = ENSEMBLE.replace("OWN", "largest_gap: largest_gap").replace("ACCURACY", "largest_gap: 9 %")
     Path("means.yaml").write_text(means.replace("AT", "last"))
     assert "mean largest_gap at the last step, D = 2.3, m = 4: " in call("run", "means.yaml", "--jobs", "2")

@@ -34,7 +34,7 @@ def _names_with(context: click.Context, option: click.Parameter, start: str) -> 
         "roughvol explain surface.file         a key: values, default, meaning",
         "roughvol explain free_volume          a variable of study.nc",
         "roughvol explain helium               a gas: viscosity, molar mass, mean free path",
-        "roughvol explain mine:function        a quantity of your own",
+        "roughvol explain mine:function        a quantity of your own; roughvol explain NAME: by its name in a run",
     )
 )
 @click.argument("name", required=False, shell_complete=_names_with)

@@ -121,6 +121,8 @@ _TABLE = tomllib.loads(Path(__file__).with_name("variables.toml").read_text(enco
 OBSERVABLES = {name: Observable(**row) for name, row in _TABLE["observable"].items()}
 QUANTITIES = variables(_TABLE["group"])
 VARIABLES = {name: row for name, row in QUANTITIES.items() if row.stored}
+MEAN_ENDS = tuple(with_means("", Variable("", "1", "", "")))[1:]
+"""Ends of the names of a mean over surfaces and its errors, as ``_mean`` and ``_interval``."""
 OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
 """Numbers that every state has, between two steps as well."""
 STATES = tuple(name for name, row in VARIABLES.items() if row.source == "study.sections.sweep.Select.levels")

@@ -10,6 +10,7 @@ Every command that reads results opens them here. Two rules hold:
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shlex
 from collections.abc import Collection, Iterator, Sequence
@@ -24,6 +25,7 @@ from roughvol.study import HeightFile, Study, changes_of, load, loads
 if TYPE_CHECKING:
     from xarray import Dataset
 
+    from roughvol.study.values.own import OwnQuantity
     from roughvol.typing import Changes
 
 RUNS = Path("runs")
@@ -170,6 +172,17 @@ def with_results(folder: Path = RUNS) -> list[Path]:
     return [file.parent for file in sorted(folder.glob(f"*/{RESULTS}"))]
 
 
+def own_quantities() -> dict[str, OwnQuantity]:
+    """Return the quantities of users in the studies of all runs; of equal names that of the latest run."""
+    found: dict[str, OwnQuantity] = {}
+    for file in _studies():
+        text = run_folder.stored_study(file.parent) or ""
+        if "own:" in text:  # not every study is read
+            with contextlib.suppress(StudyError):
+                found |= loads(text, stored=True).record.own or {}
+    return found
+
+
 def study_of(run: str | Path, changes: Sequence[str] = ()) -> tuple[Study, Path]:
     """Return the study of a study file, or of a run by folder, ``study.nc`` or name, and the folder of its results.
 
@@ -262,13 +275,18 @@ def _folders(run: str | Path) -> Iterator[Path]:
     yield RUNS / run
 
 
-def _latest() -> Path:
+def _studies() -> list[Path]:
+    """Return the ``study.yaml`` of the runs with results, that of the latest run last."""
     # every run writes study.yaml, also without a case to compute
     studies = [folder / "study.yaml" for folder in with_results() if _is_file(folder / "study.yaml")]
-    if not studies:
+    return sorted(studies, key=lambda path: path.stat().st_mtime)
+
+
+def _latest() -> Path:
+    if not (studies := _studies()):
         message = "no finished run under runs/; start one with: roughvol run STUDY (roughvol init writes a study)"
         raise DatasetError(message)
-    return max(studies, key=lambda path: path.stat().st_mtime).with_name(RESULTS)
+    return studies[-1].with_name(RESULTS)
 
 
 def _no_results(run: str, files: Sequence[Path]) -> DatasetError:

@@ -109,7 +109,7 @@ NOT_ASKED = {
     "ds.roughvol.in_units": "the same numbers in other units",
     "ds.roughvol.mean": "the means that the tables have",
     "ds.roughvol.quantity": "one variable of the same numbers, with its unit",
-    "explain": "describes keys and variables; it reads no run",
+    "explain": "describes keys and variables; it prints no number of a surface",
     "init": "writes an example study; it reads no run",
     "licences": "lists the licences of the installed packages; it reads no run",
     "ls": "lists the runs of a folder; it prints no number of a surface",
