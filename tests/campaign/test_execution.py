@@ -431,10 +431,11 @@ def test_a_run_survives_twenty_kills_of_any_of_its_processes(tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-def test_ten_thousand_cases(tmp_path: Path) -> None:
+@pytest.mark.parametrize("record", ["", scale.TRANSPORT])
+def test_ten_thousand_cases(record: str, tmp_path: Path) -> None:
     folder = tmp_path / "work"
     folder.mkdir()
-    (folder / "scale.yaml").write_text(scale.STUDY.format(seeds=2500))
+    (folder / "scale.yaml").write_text(scale.STUDY.format(seeds=2500) + record)
     scale.measured(scale.RUN, folder)
     for call, seconds in ((scale.STATUS, 2.0), (scale.LS, 2.0), (scale.COLLECT, 60.0)):
         assert min(scale.measured(call, folder)[0] for _ in range(3)) < seconds  # of the processor
