@@ -25,11 +25,7 @@ _NONE: Index = np.empty(0, dtype=np.intp)
 
 @dataclass(frozen=True)
 class Start:
-    """The candidates for contact, and the start of the iteration on them.
-
-    The rates of q and K q with indentation give the preconditioner the answer to a uniform indentation (14). Elements
-    held at the limit of the law take no part in the iteration; w counts their pressure.
-    """
+    """The candidates for contact and the start of the iteration on them; w counts the pressure of the elements held."""
 
     candidates: Index
     q: Array
@@ -51,8 +47,7 @@ def solve_indentation(
 ) -> State:
     """Solve one indentation, started from two states, or from the rigid overlap alone.
 
-    `previous` has the smaller indentation, or is None. The state returned is verified: its residual η/σ (2) is at most
-    `rtol`. Each round starts from the true gap that the last one left.
+    `previous` has the smaller indentation, or is None. The state returned is verified: its η/σ (2) is at most `rtol`.
     """
     if previous is None:
         latest, previous = _approach(problem, indentation, latest, rtol)
@@ -78,16 +73,11 @@ def solve_indentation(
 def conjugate_gradients(
     problem: Problem, indentation: float, start: Start, rtol: float, number: int
 ) -> tuple[Array, int]:
-    """Minimise the energy over the pressures that the law allows, by preconditioned conjugate gradients.
+    """Minimise the energy over the pressures that the law allows, by preconditioned conjugate gradients, in place.
 
-    Round 0 ends with a step that no convolution measures. Round 1 measures every step, in case that one failed. Later
-    rounds have no rounding of 32 bits left. Directions have 32 bits only at the tolerances of `Problem.single`.
-
-    q and w have 64 bits. Residuals, directions and their convolutions may have 32: the error of a step is a share of
-    the step, and steps shrink. The verification measures the errors that add up in w.
-
-    The iteration changes q and w of the start. It takes as many iterations as `Tuning` allows with M⁻¹, as many with
-    the near field alone, and as many without.
+    Round 0 ends with a step that no convolution measures (12). Round 1 measures every step, in case that one failed.
+    q and w have 64 bits. Before round 2, residuals, directions and their convolutions have 32, at the tolerances of
+    `Problem.single`: the error of a step is a share of the step, and the verification measures their sum in w.
     """
     tuning, half_space, elements = problem.tuning, problem.half_space, start.candidates
     single = problem.single(rtol) and number < 2
@@ -154,8 +144,7 @@ def _project(problem: Problem, elements: Index, q: Array, w: Array, single: bool
 def _factorised(problem: Problem, indentation: float, start: Start) -> Array | None:
     """Return the pressures of few elements, by Cholesky factorisations, or None if the contact set goes in circles.
 
-    Tensile elements leave the contact set, penetrating ones come back, until neither is left. Elements above the limit
-    are set to it, and freed where a gap opens. Circles need a limit, or a K whose inverse is no M-matrix.
+    Elements above the limit are set to it, and freed where a gap opens. Circles need a limit, or K⁻¹ no M-matrix.
     """
     elements, limit = start.candidates, problem.law.limit
     matrix = problem.half_space.between(elements)
@@ -187,12 +176,9 @@ def _factorised(problem: Problem, indentation: float, start: Start) -> Array | N
 
 
 def _predict(problem: Problem, indentation: float, latest: State, previous: State | None, single: bool) -> Start:
-    """Return the candidates with q and w there, extrapolated along the secant through two states.
+    """Return the candidates with q and w there, extrapolated along the secant through two states (3), (4).
 
-    Gaps are convex in the indentation, so that the secant bounds a gap beyond both states from below: an element with
-    a positive one stays open (3). Kernels other than Love's lack the property, and the verification finds the rest.
-    ``latest`` has the larger indentation of the two; the one asked for is beyond both, or between them in a search.
-
+    ``latest`` has the larger indentation of the two; the one to solve is beyond both, or between them in a search.
     Without a second state the candidates are the rigid overlap, and q = 0.
     """
     if previous is None:
@@ -260,10 +246,9 @@ def _rates(problem: Problem, candidates: Index, latest: State, previous: State) 
 
 
 def _approach(problem: Problem, indentation: float, latest: State, rtol: float) -> tuple[State, State | None]:
-    """Return two rough states on the way to an indentation with a large rigid overlap.
+    """Return two rough states on the way to an indentation whose rigid overlap is up to fifty times the contact.
 
-    The overlap is up to fifty times the contact. The states on the way keep all vectors small. The first of them starts
-    from its own overlap. Their iterations are not counted, their convolutions are.
+    They keep all vectors small. Their iterations are not counted, their convolutions are.
     """
     tuning = problem.tuning
     stages = [indentation]

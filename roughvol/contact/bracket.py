@@ -9,18 +9,9 @@ from roughvol.contact.state import Contact
 
 @dataclass(frozen=True)
 class Target:
-    """The value of a quantity that never falls under more contact.
+    """The value of a quantity that never falls under more contact, such as A* or p* of a part of the surface.
 
-    Attributes
-    ----------
-    measure : callable
-        Contact ↦ float, such as A* or p* of a part of the surface.
-    value : float
-        The value to reach.
-    elements : bool
-        Whether the quantity jumps with single elements, as A* does.
-    power : bool
-        Whether the quantity goes about with a power of the indentation.
+    `elements`: it jumps with single elements, as A* does. `power`: it goes about with a power of the indentation.
     """
 
     measure: Callable[[Contact], float]
@@ -43,19 +34,9 @@ class Target:
 
 
 class Bracket:
-    """Solved states on the two sides of a value: at most two of each, the nearest first.
+    """Solved states before a value (`short`) and from it on (`beyond`): at most two of each, the nearest first.
 
-    Parameters
-    ----------
-    short : sequence of Contact
-        States that do not reach the value.
-    falls : bool
-        Whether the indentation falls on the way to the value.
-
-    Attributes
-    ----------
-    short, beyond : list of Contact
-        States before the value, and at the value or beyond it.
+    `falls` if the indentation falls on the way to the value.
     """
 
     def __init__(self, short: Sequence[Contact], *, falls: bool = False) -> None:

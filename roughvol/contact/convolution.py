@@ -16,17 +16,7 @@ from roughvol.typing import Array, Index, Shape
 
 
 class Places(NamedTuple):
-    """Elements under pressure, by the parts of the rows.
-
-    Attributes
-    ----------
-    edges : list of int
-        Number of the first element in each part, and n.
-    positions : array (n,)
-        Positions in the buffer of the part.
-    order : array (n,), optional
-        Elements in the order of the parts. Default: that of the elements.
-    """
+    """Elements under pressure: first element of each part of the rows, position in the buffer of the part, order."""
 
     edges: list[int]
     positions: NDArray[Any]
@@ -44,31 +34,12 @@ FFTW_VERSION: str = pyfftw.fftw_version
 class Convolution:
     """Plans and buffers of one circulant convolution, in one precision: rows forward, columns filtered, rows back.
 
+    `spectrum` is one quadrant of the real spectrum (rows / 2 + 1, columns / 2 + 1) over the transform lengths, with the
+    factor of the inverse transform. `size` is the number of points transformed.
+
     Only occupied rows are transformed forward, and only rows of the result backward. Rows and columns pass through
     buffers that stay in cache. Columns are copied into rows there, for contiguous transforms. Transforms are out of
-    place: plans in place take longer.
-
-    Parts of the grid do not depend on the number of threads, so results do not either.
-
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of pressure and displacement.
-    spectrum : array (rows / 2 + 1, columns / 2 + 1)
-        One quadrant of the real spectrum, over the transform lengths, with the factor of the inverse transform.
-    lengths : (int, int)
-        Lengths of the transforms along rows and columns.
-    dtype : dtype
-        Type of real numbers.
-    threads : int
-        Threads inside one convolution.
-    tuning : Tuning
-        Constants.
-
-    Attributes
-    ----------
-    size : int
-        Points transformed.
+    place: plans in place take longer. Parts of the grid, and so the results, do not depend on the number of threads.
     """
 
     def __init__(
@@ -205,10 +176,7 @@ def _plans(source: Any, waves: Any, target: Any) -> tuple[Callable[[], None], Ca
 
 
 def parts(count: int, size: int, cache: int, together: int = 1) -> list[slice]:
-    """Divide transforms into parts of about the cache each.
-
-    The number of transforms in a part is a multiple of `together`, except in the last part.
-    """
+    """Divide transforms into parts of about the cache each, all but the last multiples of `together`."""
     return _pieces(count, max(together, count // max(1, count * size // cache) // together * together))
 
 
@@ -231,10 +199,7 @@ class Superposition:
         self._numbered: tuple[Index, NDArray[np.intp]] | None = None
 
     def displacement(self, elements: Index, loaded: Index, pressure: Array, *, single: bool) -> NDArray[Any] | None:
-        """Return u on the elements, or None where a convolution takes less time.
-
-        `loaded` are the positions of the loaded elements among all, increasing. 32 bits are enough if `single`.
-        """
+        """Return u on the elements, loaded at increasing positions; None where a convolution takes less time."""
         if loaded.size * elements.size > self._terms:
             return None
         table, number = self._table(single), self._numbers(elements)
@@ -273,10 +238,7 @@ class Superposition:
         return list(zip(np.concatenate(numbers).tolist(), np.tile(pressure, 4), strict=True))
 
     def _table(self, single: bool) -> NDArray[Any]:
-        """Return K at every offset, flat, from the origin on: rows ≥ 0 by columns of both signs.
-
-        An offset (i, j) with i > 0, or i = 0 ≤ j, has the index i (2 columns - 1) + j. K is even in the others.
-        """
+        """Return K at every offset, flat: (i, j) with i > 0, or i = 0 ≤ j, has the index i (2 columns - 1) + j."""
         precision = np.dtype(np.float32 if single else np.float64)
         if precision != self._mirrored.dtype:
             half = self._influence.astype(precision)

@@ -24,23 +24,15 @@ class Cosines:
     """Cosine transforms of n elements that are mirrored at their outer edges, X_k = Σ_j cos(π k (2j + 1)/2n) x_j.
 
     The elements and their images have the period 2n. Every second element of a period is an element or the image of
-    one. With V, the Fourier transform of these n values, V_k e^(-iπk/2n) = X_k - i X_(n-k) (Makhoul). For odd n the
-    values are shifted by (a n - 1)/4, a = n mod 4. This multiplies V_k by i^(ak) e^(-iπk/2n): its real and imaginary
-    parts are X_k and X_(n-k) in some order, up to signs.
+    one. With V, the Fourier transform of these n values, V_k e^(-iπk/2n) = X_k - i X_(n-k) (J. Makhoul, IEEE Trans.
+    Acoust. Speech Signal Process. 28 (1980) 27-34). For odd n the values are shifted by (a n - 1)/4, a = n mod 4. This
+    multiplies V_k by i^(ak) e^(-iπk/2n): its real and imaginary parts are X_k and X_(n-k) in some order, up to signs.
 
     V is a product with real matrices and a complex FFT: n = p q, value number b + q a, wave number c + p d, c ≤ p/2.
     The large prime factors are in p, as FFTW has no fast code for them. 1025 = 41 · 25.
 
-    Attributes
-    ----------
-    element : array (q, p)
-        Number of the element in each place of a buffer.
-    wave : array (q, p // 2 + 1, 2)
-        k of the real and the imaginary part of each wave; n where that is always zero.
-
-    References
-    ----------
-    J. Makhoul, IEEE Trans. Acoust. Speech Signal Process. 28 (1980) 27-34.
+    `element` (q, p) is the element in each place of a buffer. `wave` (q, p // 2 + 1, 2) has the k of the real and the
+    imaginary part of each wave; n where the part is always zero.
     """
 
     def __init__(self, nodes: int, dtype: np.dtype[Any]) -> None:
@@ -69,10 +61,7 @@ class Cosines:
     def plans(
         self, source: Any, between: Any, waves: Any, target: Any
     ) -> tuple[Callable[[], None], Callable[[], None]]:
-        """Return the transform of a source (q, count, p), and the inverse one of its waves (q, count, p // 2 + 1).
-
-        `between` has the shape of the waves. The inverse transform destroys the waves.
-        """
+        """Return the transforms of a source (q, count, p) and of its waves (q, count, p // 2 + 1), to be destroyed."""
         reals, flags = between.view(self._dtype), (PLANNER, "FFTW_DESTROY_INPUT")
         fourier = pyfftw.FFTW(between, waves, axes=(0,), direction="FFTW_FORWARD", flags=flags)
         inverse = pyfftw.FFTW(waves, between, axes=(0,), direction="FFTW_BACKWARD", flags=flags)
@@ -162,16 +151,9 @@ def _is_fast(number: int) -> bool:
 
 
 class MirroredConvolution(Convolution):
-    """The convolution of a patch repeated in its mirror images, with the passes of `Convolution`.
+    """The convolution of a patch repeated in its mirror images: the passes of `Convolution`, the places of `Cosines`.
 
-    Rows and columns lie in buffers in the places of `Cosines`. A part of the rows has consecutive places.
-
-    Parameters
-    ----------
-    spectrum : array (rows + 1, columns + 1)
-        Real spectrum of the plane, over the waves of k = 0 … n half periods in the patch along each axis.
-    dtype, threads, tuning
-        As in `Convolution`.
+    `spectrum` (rows + 1, columns + 1) has the waves of k = 0 … n half periods in the patch along each axis.
     """
 
     def __init__(self, spectrum: Array, dtype: np.dtype[Any], threads: int, tuning: Tuning) -> None:

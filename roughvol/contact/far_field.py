@@ -45,13 +45,8 @@ _CENTRE = _AROUND.index((0, 0))
 
 
 def by_blocks(near: Map, half_space: Compliance, elements: Index, t: NDArray[Any], tuning: Tuning = TUNING) -> Map:
-    """Return r ↦ M⁻¹ r on the elements, equation (15) of docs/explanation/solver.md.
+    """Return r ↦ M⁻¹ r on the elements, in 32 bits, from r ↦ B r (`near`) and t ≥ 0.
 
-    `near` is r ↦ B r, symmetric and positive definite. t ≥ 0 is the pressure under uniform further indentation. Results
-    have 32 bits.
-
-    References
-    ----------
     J. M. Tang, R. Nabben, C. Vuik, Y. A. Erlangga, J. Sci. Comput. 39 (2009) 340-370 ("BNN", two levels).
     """
     return _corrected(near, Tier(half_space, elements, t, tuning), tuning)
@@ -91,21 +86,10 @@ def _between_blocks(blocks: Tier, tuning: Tuning) -> Map:
 
 @dataclass(frozen=True)
 class Cut:
-    """The blocks along one axis of a grid.
+    """The blocks along one axis: the `block` of each node, its place `within`, and the nodes `spare` of a short block.
 
-    Attributes
-    ----------
-    blocks : int
-        Number of blocks.
-    closed : bool
-        Whether the last block is beside the first one. Fewer than three blocks around a period would have one block on
-        both sides; its coefficients hold all images.
-    block, within : array (nodes,)
-        Block of each node, and the place of the node in it.
-    spare : array (nodes,)
-        Side of the frame of a block beyond the length of the block.
-    distance : array (blocks,)
-        Nodes between the starts of two blocks, from 0, 1, 2 … blocks apart; on a mirrored patch up to all blocks.
+    `distance` (blocks,) is the number of nodes between the starts of blocks 0, 1, 2 … apart. With `closed`, the last
+    block is beside the first one. Fewer than three blocks around a period have coefficients that hold all images.
     """
 
     blocks: int
@@ -122,10 +106,7 @@ class Cut:
 
 @lru_cache(maxsize=16)
 def cut(nodes: int, side: int, sides: Sides) -> Cut:
-    """Cut an axis into blocks of a side. A free patch may have a shorter last block, an endless plane has equal ones.
-
-    The ends of a period are joined. The lengths of equal blocks differ by one node at most.
-    """
+    """Cut an axis into blocks of a side: on an endless plane of lengths that differ by one node at most."""
     blocks = -(-nodes // side)
     node, apart = np.arange(nodes), np.arange(blocks + (sides == "mirrored"))
     if sides != "free":
@@ -142,30 +123,11 @@ def cut(nodes: int, side: int, sides: Sides) -> Cut:
 
 
 class Tier:
-    """Elements in blocks, and the operator Pᵀ K P between the blocks.
+    """Elements in blocks, and the operator Pᵀ K P between blocks; the elements may be the blocks of another tier.
 
-    The elements lie on the grid of a half space, or are the blocks of another tier.
-
-    Attributes
-    ----------
-    rows, columns : Cut
-        Blocks along each axis.
-    influence : array
-        Kernel between distant blocks, on the grid of all blocks.
-    sides : {"free", "mirrored", "periodic"}
-        Those of the half space.
-    shape : (int, int)
-        Blocks along each axis.
-    numbers : array (blocks,)
-        Flat indices of the blocks that hold elements.
-    mass : array (blocks,)
-        Sum of t over each block.
-    neighbours : array (blocks, 9)
-        Positions in `numbers` of the blocks around each block; `numbers.size` where there is none.
-    near : array (blocks, 9)
-        Exact coefficients between a block and its neighbours, with images that touch it.
-    spread, moved : sparse arrays (n, blocks), (n, 2 blocks)
-        P; N and E side by side.
+    `numbers` are the flat indices of the blocks that hold elements, and `mass` the sum of t over each. `neighbours`
+    (blocks, 9) are positions in `numbers`, or `numbers.size` for none; `near` has the exact coefficients with them,
+    and with images that touch. `influence` is the kernel between distant blocks. `spread` is P, `moved` N beside E.
     """
 
     def __init__(self, grid: Compliance | Tier, elements: Index, t: NDArray[Any], tuning: Tuning = TUNING) -> None:
@@ -277,10 +239,7 @@ class Tier:
         return matrix
 
     def _fold(self, values: NDArray[Any], row: NDArray[Any], column: NDArray[Any]) -> None:
-        """Add what comes from the images around a block (n, 9 …) to the blocks themselves, in place.
-
-        Row and column are those of the blocks that values belong to.
-        """
+        """Add what comes from the images around blocks, (n, 9 …), to the blocks themselves, in place."""
         number = np.arange(len(_AROUND)).reshape(3, 3)
         for place, blocks, lines in ((row, self.shape[0], number), (column, self.shape[1], number.T)):
             for end, outer in ((0, lines[0]), (blocks - 1, lines[2]))[: min(blocks, 2)]:
@@ -293,9 +252,8 @@ def _images(numbers: NDArray[np.int32], absent: int, side: int) -> Callable[[lis
     """Return the shapes of the images of blocks along mirrored sides, as a function of those of the blocks.
 
     The function takes the shapes by the ends of their frames, and the end at which an image lies. Images get numbers
-    from `absent` + 1 on in `numbers`, a grid with one line of absent blocks on each side.
-
-    A single block along an axis has an image on one side of it. The one on the other side belongs to the next period.
+    from `absent` + 1 on in `numbers`, a grid with one line of absent blocks on each side. A single block along an axis
+    has an image on one side of it; the one on the other side belongs to the next period.
     """
     whole = np.pad(numbers[1:-1, 1:-1], 1, mode="symmetric")
     flips = np.zeros((2, *numbers.shape), dtype=bool)
@@ -334,10 +292,7 @@ def _tables(influence: bytes, rows: int, side: int) -> Single:
 
 
 def _whole_rows(block_row: NDArray[Any], rows: NDArray[Any], count: int) -> list[tuple[slice, slice]]:
-    """Return pieces of whole rows of blocks: about `count` elements each, and their blocks.
-
-    Both arrays increase: the row of blocks of each element, and of each block.
-    """
+    """Return pieces of whole rows of blocks, about `count` elements each, and their blocks; both arrays increase."""
     until = np.searchsorted(block_row, np.arange(1, rows[-1] + 2))
     ends = np.flatnonzero(np.diff(until // count, append=-1)) + 1
     edges = [0, *until[ends - 1].tolist()], [0, *np.searchsorted(rows, ends).tolist()]
@@ -352,8 +307,7 @@ def _at(influence: Array, row: int, column: int) -> float:
 def near_field_of_blocks(blocks: Tier, tuning: Tuning = TUNING) -> Map:
     """Return the near field of the operator between blocks, from the preceding blocks around each.
 
-    Coefficients differ from block to block, so the small systems of `near_field` cannot be tabulated. One Cholesky
-    factorisation solves all of them, with vectors over the blocks in place of numbers.
+    Coefficients differ from block to block: one Cholesky factorisation solves all systems, with vectors over blocks.
     """
     before = _AROUND[: _CENTRE + 1]
     count, size = blocks.numbers.size, len(before)

@@ -49,19 +49,7 @@ def transform_length(nodes: int) -> int:
 
 
 class Window(NamedTuple):
-    """A convolution over the whole grid or a part of it, for fixed elements.
-
-    Attributes
-    ----------
-    engine : Convolution
-        The convolution over the window.
-    elements : array (n,)
-        Flat indices on the grid.
-    share : float
-        Points transformed, over those of the whole grid.
-    places : edges and positions
-        The elements in the window, see `Convolution.places`.
-    """
+    """A convolution over the grid or a part of it, for fixed elements, and its share of the points transformed."""
 
     engine: Convolution
     elements: Index
@@ -74,8 +62,7 @@ class HalfSpace:
     """Displacement under pressure, u = K ∗ p, by convolutions, on a free patch or on a part of an endless plane.
 
     Buffers and FFTW plans are made once, for any number of surfaces of the shape. Not thread-safe. Displacements are in
-    lattice units, see the conventions of `halfspace`. On large free patches only the rectangle of the elements under
-    pressure is transformed.
+    lattice units, δ/(π E*) times the unit of pressure.
 
     Parameters
     ----------
@@ -197,10 +184,7 @@ class HalfSpace:
 
     @cached_property
     def total_compliance(self) -> Array:
-        """Displacement K ∗ 1 under unit pressure everywhere, (rows, columns) [lattice units]; λ(0) on an endless plane.
-
-        K is symmetric, so Σu = Σ (K ∗ 1) p. The mean displacement and the free volume are a dot product with it.
-        """
+        """Displacement K ∗ 1 under unit pressure everywhere, so that Σu = Σ (K ∗ 1) p; λ(0) on an endless plane."""
         if self.endless:
             return np.broadcast_to(self._mean, self.shape)
         size = math.prod(self.shape)

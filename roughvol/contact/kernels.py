@@ -48,24 +48,19 @@ _REACH = 200  # spacings; punch and Love differ by 0.02/r⁵ there
 class Kernel:
     """The elastic body as a half space sees it: influence coefficients, or displacement of waves.
 
-    Two kernels of equal name and parameters are the same.
+    Two kernels of equal name and parameters are the same. Lengths are in spacings.
 
     Attributes
     ----------
-    name : str
-        Name.
     parameters : tuple of float
-        Numbers of the elastic body, lengths in spacings, such as thickness and ν of a layer.
+        Numbers of the elastic body, such as thickness and ν of a layer.
     coefficients : callable, optional
-        (x, y) ↦ K at offsets ≥ 0 [spacings]. Default: none, for a kernel of periodic half spaces alone.
+        (x, y) ↦ K at offsets ≥ 0. Default: none, for a kernel of periodic half spaces alone.
     spectrum : callable, optional
         (f₁, f₂) ↦ displacement under a unit wave of f periods per spacing, on a periodic half space; any value at 0.
         Default: the coefficients summed over images. They then differ from Love's as 1/r⁵ at most.
     waves : callable, optional
-        |f| ↦ displacement under a unit wave over 1/|f|, for elements under uniform pressure, on a periodic half space.
-        It differs from 1 below `reach` periods per spacing alone.
-    reach : float
-        See `waves`.
+        |f| ↦ displacement under a unit wave over 1/|f|, for elements under uniform pressure; 1 from `reach` on.
     m_matrix : bool
         Whether K⁻¹ is an M-matrix, see solver.md: overlaps at the hardness are never undone on a leg of a path.
     """
@@ -88,16 +83,13 @@ class Kernel:
 
 
 def love_kernel(x: Array, y: Array) -> Array:
-    r"""Return Love's influence coefficients of a unit square element at offsets x, y ≥ 0.
+    r"""Return Love's influence coefficients of a unit square element at offsets x, y ≥ 0 in spacings, off its edge.
 
     .. math:: K(x, y) = \int_{-1/2}^{1/2}\int_{-1/2}^{1/2} \frac{dξ\,dη}{\sqrt{(x-ξ)^2 + (y-η)^2}}
 
-    The closed form loses digits as ε r². Beyond 64 spacings the multipole series of a uniform square replaces it, up to
-    fourth moments. The relative error is below 1e-13 everywhere. Offsets are in spacings, off the edge of the element.
-
-    References
-    ----------
-    A. E. H. Love, Phil. Trans. R. Soc. A 228 (1929) 377-420; K. L. Johnson, Contact Mechanics (1985), eq. 3.25.
+    The closed form loses digits as ε r². Beyond 64 spacings the multipole series up to fourth moments replaces it: the
+    relative error is below 1e-13. A. E. H. Love, Phil. Trans. R. Soc. A 228 (1929) 377-420; K. L. Johnson, Contact
+    Mechanics (1985), eq. 3.25.
     """
     x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     if x.size and min(x.min(), y.min()) < 0:
@@ -136,10 +128,7 @@ def _love_far(x: Array, y: Array) -> Array:
 
 
 def punch_kernel(x: Array, y: Array) -> Array:
-    """Return the coefficients of a rigid punch on itself, K(0, 0) = 2, and of a disc on others, 2 asin(1/(2 r)).
-
-    K(r) tends to 1/r. K⁻¹ is no M-matrix: the diagonal is small.
-    """
+    """Return the coefficients of a punch, 2 on itself, 2 asin(1/(2 r)) on others, → 1/r; K⁻¹ is no M-matrix."""
     r = np.hypot(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
     kernel = np.full(r.shape, 2.0)
     away = r > 0
@@ -155,25 +144,12 @@ def _fourier(row: Array, column: Array) -> Array:
 
 
 def layer(thickness: float, nu: float, elements: bool = True) -> Kernel:
-    r"""Return the kernel of an elastic layer bonded to a rigid base.
+    r"""Return the kernel of an elastic layer bonded to a rigid base, of elements under uniform pressure or of waves.
 
     .. math:: λ(f) = \frac{1}{f} \frac{κ \sinh 2ζ - 2ζ}{κ \cosh 2ζ + 2ζ^2 + (1 + κ^2)/2}, κ = 3 - 4ν, ζ = 2πfh
 
-    Waves much shorter than the thickness see a half space. Under much longer waves a compressible layer is a mattress
-    of springs, λ = π h (1 - 2ν)/(1 - ν)².
-
-    Parameters
-    ----------
-    thickness : float
-        h in spacings, > 0; at least `LEAST_LAYER` on elements.
-    nu : float
-        Poisson's ratio, -1 < ν ≤ 0.5.
-    elements : bool
-        Whether elements are under uniform pressure, as Love's; else the waves of the grid alone.
-
-    References
-    ----------
-    K. L. Johnson, Contact Mechanics (1985), p. 139.
+    The thickness h is in spacings. Waves much shorter than h see a half space. Under much longer waves a compressible
+    layer is a mattress of springs, λ = π h (1 - 2ν)/(1 - ν)². K. L. Johnson, Contact Mechanics (1985), p. 139.
     """
     least = LEAST_LAYER if elements else 0.0
     if not (thickness > 0.0 and thickness >= least and -1.0 < nu <= 0.5):
@@ -231,8 +207,7 @@ def kernel_of(kernel: Kernel | str, **made_of: float) -> Kernel:
 def influence_matrix(influence: Array, elements: Index, *, mirrored: bool = False) -> Array:
     """Return K (n, n) between elements, by their flat indices on the grid of the coefficients.
 
-    If `mirrored`, the coefficients are those of the period of a patch of rows × columns elements and its images, at
-    the offsets 0 … rows and 0 … columns. Along each axis K(i, k) = Kp(i - k) + Kp(i + k + 1).
+    If `mirrored`, these are Kp of the doubled period, (rows + 1, columns + 1): K(i, k) = Kp(i - k) + Kp(i + k + 1).
     """
     if mirrored:
         nodes = influence.shape[0] - 1, influence.shape[1] - 1
@@ -261,12 +236,8 @@ def short_way(offset: Index, nodes: int) -> Index:
 
 
 def periodic_spectrum(shape: Shape, kernel: Kernel = LOVE) -> Array:
-    """Return λ, the displacement per pressure of each wave of the grid, λ(0) = π max(shape) [δ/(π E*)].
+    """Return λ [δ/(π E*)] of the waves of 0, 1, … periods, (rows // 2 + 1, columns // 2 + 1); λ(0) = π max(shape).
 
-    The array (rows // 2 + 1, columns // 2 + 1) has the waves of k = 0, 1, … periods in the grid along each axis.
-
-    References
-    ----------
     K. L. Johnson, Contact Mechanics (1985), Section 13.2 (waves on a half space); P. P. Ewald, Ann. Phys. 369 (1921)
     253-287 (the sum over images, split in two that converge fast).
     """
@@ -285,7 +256,7 @@ def periodic_spectrum(shape: Shape, kernel: Kernel = LOVE) -> Array:
 def _far_part(row: Array, column: Array, kernel: Kernel) -> Array:
     """Return the sum over aliases of the waves of erf(r/2)/r, spread over elements; those beyond |f| = 1 vanish.
 
-    To those of another body than a half space λ - 1/|f| is added, in an order that loses no digit of a small λ.
+    Another body than a half space adds λ - 1/|f|, in an order that loses no digit of a small λ.
     """
     total = np.zeros(np.broadcast_shapes(row.shape, column.shape))
     aliases = sorted(range(-1 - math.ceil(kernel.reach), 1 + math.ceil(kernel.reach)), key=abs)

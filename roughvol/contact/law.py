@@ -10,15 +10,7 @@ from roughvol.typing import Array, Index, Mask
 
 
 class RigidWall:
-    """The wall of elastic contact.
-
-    Attributes
-    ----------
-    limit : float
-        Largest q: infinite.
-    yields : bool
-        Whether pressures have a limit. Gaps are then not convex in the indentation, and overlaps may stay.
-    """
+    """The wall of elastic contact: q has no limit. If a law `yields`, gaps are not convex and overlaps may stay."""
 
     limit = np.inf
     yields = False

@@ -215,23 +215,8 @@ def _turned(problem: Problem, leg: Leg, latest: State, previous: State | None) -
 class Trials:
     """Contacts of one surface at indentations in any order, each started from two others: the steps of a search.
 
-    Parameters
-    ----------
-    surface, half_space, options
-        As in `solve`.
-    after : dict, optional
-        `Contact.state` on the leg of the trials, for a surface that has yielded before.
-    turned : bool
-        Whether the leg begins at this state, and so with the plastic displacement that it leaves.
-    **changed
-        As in `solve`.
-
-    Attributes
-    ----------
-    untouched : Contact
-        The state at first touch on this leg, without contact.
-    least : Contact or None
-        A contact at a smaller indentation than all trials, if one is known; set by the caller.
+    The trials may continue a path: `after` is `Contact.state` on their leg, `turned` if the leg begins at this state.
+    `untouched` is the state at first touch on the leg. A caller may set `least`, a contact below all trials.
     """
 
     def __init__(
@@ -279,8 +264,7 @@ class Trials:
     def tolerance(self, indentation: float) -> float:
         """Return the bound of the residual η/σ at an indentation: at most that of the options, and Δ/(100 σ).
 
-        A bound of the pressure lowers it to the bound for the stiffest contact, under the pressure of `least` or of the
-        highest element alone.
+        A bound of p* lowers it as for the stiffest contact, under the pressure of `least` or of the highest element.
         """
         bound = min(self.options.rtol, LIGHT * (indentation - self.problem.touch))
         if self.options.pressure_error is not None:
@@ -289,12 +273,10 @@ class Trials:
         return bound
 
     def line(self, one: Contact, other: Contact) -> Callable[[float, float], Contact]:
-        """Return the straight line through two contacts, as estimates of contacts; nothing is solved.
+        """Return the straight line through two contacts, perhaps the same, as estimates of contacts, without a solve.
 
-        The line is that of x = c q in contact and x = -w outside, with 1/c = (K⁻¹)_ii. Where K⁻¹ is an M-matrix every
-        x is a rising, concave function of Δ. Between the two contacts the line then has too little contact and
-        pressure, beyond them too much. An x of residual η/σ is right to 2 η/σ.
-        The callable maps Δ/σ and a margin, subtracted from every x, to a contact. Both contacts may be the same.
+        The line is that of x = c q in contact and x = -w outside, see `search`. The callable maps Δ/σ and a margin,
+        subtracted from every x, to a contact.
         """
         problem = self.problem
         start = problem.depth(one)

@@ -23,17 +23,9 @@ _CENTRE = len(_SQUARE) // 2
 def near_field(half_space: Compliance, elements: Index, tuning: Tuning = TUNING) -> Map:
     """Return r ↦ Gᵀ G r ≈ K⁻¹ r on the elements, G sparse and triangular: equation (13) of docs/explanation/solver.md.
 
-    Row i of G solves K_PP y = e_i, where P is element i and its preceding neighbours in the set; G_i = y/√y_i. This
-    factorised sparse approximate inverse is symmetric, and positive definite whenever K is: G is invertible, on a free
-    patch as a triangular matrix with a positive diagonal, around a period by `dominant` rows.
-
-    Neighbours in a row are at most `near_reach` spacings apart, at most √8; √5 takes 10 preceding neighbours. Around a
-    period the first rows are preceded by the last ones: G is a filter that runs around it, triangular but for these
-    rows.
-
-    References
-    ----------
-    L. Yu. Kolotilina, A. Yu. Yeremin, SIAM J. Matrix Anal. Appl. 14 (1993) 45-58.
+    GᵀG is positive definite whenever K is, as G is invertible: on a free patch as a triangular matrix with a positive
+    diagonal, around a period by `dominant` rows, where the last rows precede the first ones. Neighbours are at most
+    `near_reach` ≤ √8 spacings apart. L. Yu. Kolotilina, A. Yu. Yeremin, SIAM J. Matrix Anal. Appl. 14 (1993) 45-58.
     """
     influence, periodic, size = half_space.influence, half_space.sides == "periodic", elements.size
     reach = tuning.near_reach_periodic if periodic else tuning.near_reach
@@ -83,8 +75,7 @@ def near_field(half_space: Compliance, elements: Index, tuning: Tuning = TUNING)
 def _rows(influence: tuple[tuple[float, ...], ...], reach: float, periodic: bool) -> tuple[NDArray[np.intp], Single]:
     """Return the offsets of preceding neighbours and the element itself, and the row of G for each set of them.
 
-    Each bit of the number of a set is one neighbour. A row is zero where there is no neighbour. G is not triangular
-    around a period, so its rows are made dominant.
+    Each bit of the number of a set is one neighbour. A row is zero where there is no neighbour.
     """
     near = np.hypot(*_SQUARE.T) <= reach + 0.01
     offsets = _SQUARE[: _CENTRE + 1][near[: _CENTRE + 1]]
@@ -108,13 +99,10 @@ def dominant(others: Single, diagonal: Single) -> None:
 
 
 def border(half_space: Compliance, elements: Index, left_out: Mask, entered: Index) -> tuple[Index, Single]:
-    """Return the rows g by which elements that were left out take part in the inverse.
+    """Return the rows g by which elements that were left out take part in the inverse, of shape (k, 25).
 
     With one more element x, the inverse of K is the one without it plus g gᵀ, g = y/√y_x, K y = e_x. Here K is taken on
-    x and the elements around it that are not left out, within two spacings along each axis.
-
-    The results have shape (k, 25): positions of the elements around each of the k that entered, itself included, and g,
-    zero where there is no element.
+    x and the elements up to two spacings around it that are not left out. Their positions come with g.
     """
     columns, influence = half_space.shape[1], half_space.influence
     wanted = elements[entered, None] + _SQUARE @ (columns, 1)

@@ -82,7 +82,7 @@ SEARCH_TUNING = SearchTuning()
 
 @dataclass(frozen=True)
 class Options:
-    """How states are solved.
+    """How states are solved. A value that is not allowed raises `ContactError`.
 
     Attributes
     ----------
@@ -97,15 +97,8 @@ class Options:
         Bound of the relative error of p* at every state, 0 < pressure_error ≤ 0.1, in addition to `rtol`.
     hardness : float, optional
         Largest pressure H L/(E* σ), in the unit of p*. Default: elastic contact.
-    tuning : Tuning
-        Constants of the solver.
-    search : SearchTuning
-        Constants of the searches.
-
-    Raises
-    ------
-    ContactError
-        If a value is not allowed.
+    tuning, search : Tuning, SearchTuning
+        Constants of the solver, and of the searches.
     """
 
     rtol: float = 1e-6

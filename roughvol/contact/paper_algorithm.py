@@ -11,12 +11,9 @@ LARGEST = 65  # elements along a side: the matrix is dense
 
 
 def solve_paper(problem: Problem, indentation: float, latest: State, _previous: State | None, rtol: float) -> State:
-    """Solve one indentation by Algorithm 1: tensile elements leave the rigid overlap, Gauss-Seidel on the rest.
+    """Solve one indentation by Algorithm 1: tensile elements leave the rigid overlap, Gauss-Seidel solves the others.
 
-    Every indentation starts from the rigid overlap. An element that leaves does not come back. None has to, for the
-    Love kernel.
-
-    Grids have at most 65 × 65 elements. The states give the length of the step alone.
+    An element that leaves does not come back; for the Love kernel no element has to. At most 65 × 65 elements.
     """
     if max(problem.shape) > LARGEST:
         message = f"method 'paper' takes grids up to {LARGEST} × {LARGEST} (m = 6); this one is {problem.shape}"

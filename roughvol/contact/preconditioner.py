@@ -21,14 +21,10 @@ def approximate_inverse(
 ) -> tuple[Map, Mask]:
     """Return r ↦ M⁻¹ r ≈ K⁻¹ r, equations (13) to (15) of solver.md, and the elements expected in contact.
 
-    Neighbours lift an element without pressure clear if the step M⁻¹(-w) gives it none. The inverse is made without
-    these elements. One that comes into contact takes part by the near field around it (`near_field.border`).
-
-    M⁻¹ is positive definite on the elements that take part. `far_field` has the proof for the elements kept. An element
-    x that comes into contact adds (gᵀr)² to rᵀM⁻¹r, which is y_x r_x² if r is zero on the elements kept.
-
-    Pressure q and gap w are those of the start. `rates` are pressure and displacement per unit of further indentation;
-    without rates the far field of a free patch or a period is not corrected.
+    Neighbours lift an element without pressure clear if the step M⁻¹(-w) gives it none. M⁻¹ is made without these
+    elements and is positive definite on the others (`far_field`). An element x that comes into contact takes part by
+    `near_field.border`: it adds (gᵀr)² to rᵀM⁻¹r, which is y_x r_x² if r is zero on the others. `rates` are those of q
+    and K q with indentation; without them the far field of a free patch or a period is not corrected.
     """
     mirrored = half_space.sides == "mirrored"
     if rates is None and not mirrored:
@@ -74,10 +70,7 @@ def approximate_inverse(
 
 
 def weaker_inverses(half_space: Compliance, elements: Index, tuning: Tuning) -> Iterator[Map]:
-    """Yield maps in place of an M⁻¹ that gives no descent: the near field alone, then r itself.
-
-    They take more iterations to the same answer. The last one is repeated without end: r descends.
-    """
+    """Yield maps in place of an M⁻¹ that gives no descent: the near field alone, then r itself, without end."""
     yield near_field(half_space, elements, tuning)
     while True:
         yield lambda r: r

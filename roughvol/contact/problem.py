@@ -33,14 +33,7 @@ LIGHT_ROUGH = 0.5  # the same for rough states of a search
 class Problem:
     """One surface on one half space, scaled: heights h = (z - z_max)/σ, pressures q = p δ/(π E* σ).
 
-    Attributes
-    ----------
-    heights : array (nodes,)
-        h at the start of the leg, flat: less the plastic displacement so far.
-    law : RigidWall or HardWall
-        Pressures and gaps allowed.
-    leg : Leg
-        Plastic displacement at the start of the leg, and its error.
+    `heights` (nodes,) are flat, less the plastic displacement at the start of the `leg`.
     """
 
     def __init__(self, surface: Surface, half_space: Compliance, options: Options = DEFAULT) -> None:
@@ -163,9 +156,9 @@ class Problem:
 
     @cached_property
     def firmness(self) -> float:
-        """Displacement c of an element per unit of its own pressure, at fixed displacements around it.
+        """Displacement c of an element per unit of its own pressure, at fixed displacements around it; 1/c = (K⁻¹)_ii.
 
-        1/c = (K⁻¹)_ii, from the 24 elements around one. More elements change the fourth digit, hence 0.999.
+        From the 24 elements around one. More elements change the fourth digit, hence 0.999.
         """
         row, column = np.indices([min(n, 5) for n in self.shape]).reshape(2, -1)
         near = self.half_space.influence[np.abs(row[:, None] - row), np.abs(column[:, None] - column)]
@@ -194,8 +187,7 @@ class Problem:
     def verified(self, indentation: float, elements: Index, q: Array, next_advance: float) -> State:
         """Return the state under given pressures, by one convolution, with its residual η/σ on the whole grid (2).
 
-        One pass over the grid serves the residual, the bound of the stiffness, and the next prediction, if this one
-        goes no farther than `next_advance`.
+        The pass over the grid also serves the bound of the stiffness, and a next prediction up to `next_advance`.
         """
         positive = q > 0.0
         elements, q = elements[positive], q[positive]
@@ -211,10 +203,7 @@ class Problem:
         return state
 
     def record(self, state: State, counts: tuple[float, float] | None = None, previous: State | None = None) -> Contact:
-        """Return the record of a state, with the convolutions since `counts`; default: none.
-
-        The state before gives a sharper bound of the pressure.
-        """
+        """Return the record of a state, with the convolutions since `counts` (default: none) and a bound of p*."""
         touching = state.pressure > TENSILE * state.pressure.max(initial=0.0)
         elements, pressure = state.elements, state.pressure
         if not touching.all():

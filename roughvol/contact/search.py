@@ -12,13 +12,11 @@ more contact, such as an area, a load or a closed channel:
     on the line between a state below and one above, it is reached too late:     an upper bound of Δ;
     on the lines through two states below, and through two above, too early:     lower bounds of Δ.
 
-The error of both is the product of the distances to two solved states: the bracket shrinks with its square. A solve
-starts from the line through the two nearest states, with no more digits than its bracket can use.
-
-The x of a state with residual η is right to 2 η, so a rough state decides nothing closer than this. An element counts
-as in contact where x > 4 η/σ, η being the accuracy of the search: any other solve of this accuracy then finds it in
-contact too. For other kernels the bounds are good guesses only. The state returned is always solved, and reaches the
-value.
+The error of both is the product of the distances to two solved states: the bracket shrinks with its square. A solve has
+no more digits than its bracket can use. The x of a state with residual η is right to 2 η, so a rough state decides
+nothing closer than this. An element counts as in contact where x > 4 η/σ, η being the accuracy of the search: any other
+solve of this accuracy then finds it in contact too. For other kernels the bounds are good guesses only. The state
+returned is always solved, and reaches the value.
 """
 
 import itertools
@@ -168,9 +166,9 @@ def first_indentation(
 def state_reaching(trials: Trials, target: Target, between: list[Contact], *, below: bool = False) -> Contact:
     """Return the smallest state of elastic contact that reaches a value, its indentation right to a relative 10⁻⁶.
 
-    `between` has the solved contacts before and after the value. It has the contact after alone, if nothing has
-    touched before; with `below`, the contact before alone. A value that jumps with elements, and is reached at first
-    touch, is found at the least indentation above the tolerance.
+    `between` has the solved contacts before and after the value: the one after alone, if nothing has touched before, or
+    the one before alone, with `below`. A value that jumps with elements, and is reached at first touch, is found at the
+    least indentation above the tolerance.
     """
     if target.elements and len(between) == 1 and not below:
         touch = trials.at(min(trials.options.rtol, 0.5 * between[0].approach), trials.untouched)
@@ -184,7 +182,6 @@ def _search(trials: Trials, target: Target, start: float, *, brink: bool, betwee
     """Return the state at the smallest indentation that reaches the target, from bounds on straight lines.
 
     With `brink`, elements on the brink of contact do not count. States on either side (`between`) replace the start.
-    States without contact may be among them.
     """
     tuning, hardness = trials.options.search, trials.options.hardness
     if hardness is not None:  # the straight lines are no bounds
@@ -281,8 +278,8 @@ def state_crossing(trials: Trials, target: Target, start: Contact, end: Contact 
     """Return the first state at which a quantity reaches a value, on the way from a solved state: up or down.
 
     `end` is a state at the value or beyond it. By default it is the first touch where the value is below that of the
-    start, and is found by steps that double where it is above. Of a quantity that jumps with elements, those on the
-    brink of contact do not count on loading: any other solve of this accuracy finds the value reached too.
+    start, and is found by steps that double where it is above. On loading, elements on the brink of contact do not
+    count in a quantity that jumps with elements.
     """
     begin, value = target.measure(start), target.value
     if begin == value:

@@ -15,23 +15,7 @@ from roughvol.typing import Array, Index, Mask, Sides
 
 
 class Compliance(Protocol):
-    """The half space as the solver sees it. A dense matrix can replace the FFT.
-
-    Attributes
-    ----------
-    shape : (int, int)
-        Rows and columns of the grid.
-    kernel : Kernel
-        Influence coefficients.
-    influence : array (rows, columns)
-        K(i, j) of the non-negative offsets, in units δ/(π E*). Those of a mirrored half space, (rows + 1, columns + 1),
-        hold no mirror images.
-    convolutions, convolutions_fp32 : float
-        Convolutions so far, by precision, in units of one on the full grid.
-    sides : {"free", "mirrored", "periodic"}
-        Whether the grid is a patch, or a part of an endless plane: repeated in its mirror images, or as a period. Mean
-        displacements only relabel the indentation of an endless plane.
-    """
+    """The half space as the solver sees it, with the attributes of `HalfSpace`. A dense matrix can replace the FFT."""
 
     sides: Sides
     shape: tuple[int, int]
@@ -187,17 +171,7 @@ class Contact:
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """What a leg of a path begins with on a surface that may yield.
-
-    Attributes
-    ----------
-    law : RigidWall or HardWall
-        Pressures and gaps allowed.
-    plastic : array (nodes,) or None
-        Plastic displacement over σ, flat; None before any.
-    carried : float
-        Bound of the error of `plastic`: the residuals of the states that left it.
-    """
+    """What a leg of a path begins with: the law, the plastic displacement over σ (nodes,), and a bound of its error."""
 
     law: RigidWall = ELASTIC
     plastic: Array | None = None
@@ -233,22 +207,10 @@ class Leg:
 
 @dataclass
 class State:
-    """A solved indentation in scaled variables: the start of the next one.
+    """A solved indentation Δ/σ in scaled variables: the start of the next one.
 
-    Attributes
-    ----------
-    indentation : float
-        Δ/σ.
-    elements : array (n,)
-        Flat indices where q > 0, increasing.
-    pressure : array (n,)
-        q there.
-    touch_at : array (nodes,)
-        u - h on the whole grid, flat: the indentation at which an element touches if u stays.
-    residual : float
-        η/σ of this state alone; NaN if not solved.
-    iterations : int
-        Iterations of the solve; a factorisation counts as one.
+    `pressure` is q on the `elements` with q > 0 (flat, increasing). `touch_at` is u - h on the whole grid, flat: the
+    indentation at which an element touches if u stays. The residual η/σ is that of this state alone; NaN if not solved.
     """
 
     indentation: float
