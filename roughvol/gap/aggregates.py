@@ -24,14 +24,10 @@ Numbers = NDArray[np.int32]
 
 
 class Graph(NamedTuple):
-    """Aggregates, the blocks in which they lie, and their joints.
+    """Aggregates, the row and column of their blocks, their joints, and conductances to pressures held (own).
 
-    Attributes
-    ----------
-    starts : place of the first joint of each aggregate, and of the end of the last.
-    heads, weight : aggregate at the other end, and conductance, of each joint; a joint is listed at both ends.
-    own : conductances to pressures that are held.
-    row, column : of the block.
+    ``starts`` has the place of the first joint of each aggregate, and the end. A joint is listed at both ends, with the
+    aggregate at the other end (heads) and its conductance (weight).
     """
 
     starts: Numbers

@@ -31,20 +31,7 @@ class LocalDimension(NamedTuple):
 
 
 def box_counts(mask: Mask, *, periodic: bool = False) -> BoxCounts:
-    """Return N(r), the boxes of side r that hold at least one True node (the paper's Section 3.2, Fig. 11a).
-
-    See Also
-    --------
-    local_dimension : Returns the dimension between two sides.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from roughvol.gap.box_counting import box_counts, local_dimension
-    >>> counts = box_counts(np.eye(8, dtype=bool))  # a line
-    >>> counts.counts.tolist(), local_dimension(counts).dimension.round(6).tolist()
-    ([8, 4, 2, 1], [1.0, 1.0, 1.0])
-    """
+    """Return N(r), the boxes of side r that hold at least one True node (the paper's Section 3.2, Fig. 11a)."""
     if mask.dtype != np.bool_ or mask.ndim != 2 or mask.size == 0:
         raise SurfaceError(f"mask must be a 2-D array of bool, got {mask.dtype} of shape {mask.shape}")
     levels = min(mask.shape).bit_length() - 1

@@ -17,16 +17,10 @@ SIDES_AND_CORNERS = np.ones((3, 3))
 
 
 class Connectivity(NamedTuple):
-    """How void and contact hang together.
+    """How void and contact hang together, with shares of the free volume and sizes [elements], the largest first.
 
-    Attributes
-    ----------
-    percolates_x, percolates_y : whether a path through open elements leads from side to side along the axis.
-    connected : share of the free volume whose void reaches a side of the patch; of a periodic surface, percolates.
-    percolating : share of the free volume whose void percolates, along either axis.
-    trapped : share of the free volume in pockets; connected + trapped = 1 (NaN where there is no volume).
-    contact_clusters : sizes of the 8-connected clusters of contact [elements], the largest first.
-    trapped_pockets : sizes of the 4-connected pockets of void that are not connected [elements], the largest first.
+    ``connected`` reaches a side of the patch; of a periodic surface, it percolates. ``percolating`` does so along
+    either axis. connected + trapped = 1, or NaN where there is no volume. Pockets are void that is not connected.
     """
 
     percolates_x: bool
@@ -45,22 +39,7 @@ def percolates(void: Mask, axis: int, *, periodic: bool = False) -> bool:
 
 
 def connectivity(gap: Array, contact: Mask, *, periodic: bool = False) -> Connectivity:
-    """Return what percolates, the shares of the free volume, and the clusters of contact and of trapped void.
-
-    See Also
-    --------
-    percolates : Returns whether void leads from side to side.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from roughvol.gap.clusters import connectivity
-    >>> gap = np.ones((4, 6))
-    >>> gap[0] = 0.0  # a row of contact
-    >>> found = connectivity(gap, gap == 0.0)
-    >>> found.percolates_x, found.percolates_y, found.contact_clusters.tolist()
-    (False, True, [6])
-    """
+    """Return what percolates, the shares of the free volume, and the clusters of contact and of trapped void."""
     check_gap(gap)
     if contact.shape != gap.shape or contact.dtype != np.bool_ or np.any(gap[contact]):
         message = f"contact must be a bool mask of shape {gap.shape} with gap 0, got {contact.dtype} {contact.shape}"
@@ -96,7 +75,7 @@ def endless(void: Mask) -> bool:
     """Return whether 4-connected void of a periodic field leads along axis 0 from period to period without end.
 
     A path from side to side may miss its own continuation in the next period. Clusters between the seams are numbered
-    by the period they lie in; a cluster that meets itself in another period leads on without end.
+    by their period; a cluster that meets itself in another period leads on without end.
     """
     labels, _ = labelled(void, SIDES, (False, True))
     over = (labels[-1] > 0) & (labels[0] > 0)

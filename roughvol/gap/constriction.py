@@ -27,21 +27,7 @@ class Constriction(NamedTuple):
 
 
 def constriction(gap: Array, axis: int, *, periodic: bool = False) -> Constriction:
-    """Return the critical constriction: the largest h_c such that the elements with g ≥ h_c still percolate.
-
-    See Also
-    --------
-    conduction : Returns the flow through the gap.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from roughvol.gap.constriction import constriction
-    >>> gap = np.ones((4, 6))
-    >>> gap[:, 2] = 0.5  # a throat across the flow along y
-    >>> constriction(gap, axis=1).gap
-    0.5
-    """
+    """Return the critical constriction: the largest h_c such that the elements with g ≥ h_c still percolate."""
     check_gap(gap)
     bracket = _bracket(gap, lambda least: _invaded(gap, axis, periodic, least, least) >= 0)
     if bracket is None:
@@ -82,10 +68,10 @@ def _bracket(gap: Array, connected: Callable[[float], bool]) -> tuple[float, flo
 
 @compiled
 def _invaded(gap: Array, axis: int, periodic: bool, least: float, flooded: float) -> int:
-    """Return the last element of the first complete path along an axis; -1 without a path of elements with g ≥ least.
+    """Return the last element (flat) of the first complete path along an axis; -1 without a path of g ≥ least.
 
     Elements of the first side are wet, and so are elements of g ≥ flooded beside wet ones. Where that makes no path,
-    the widest dry element beside a wet one is next. Elements are flat indices.
+    the widest dry element beside a wet one is next.
     """
     rows, columns = gap.shape
     wet, stack, shore = np.zeros(gap.size, np.bool_), np.empty(gap.size, np.int32), [(0.0, 0)]

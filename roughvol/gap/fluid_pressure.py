@@ -33,30 +33,10 @@ DIRECT = 2_000_000  # elements that are factorised: digits of P count, not of th
 
 
 class FluidField:
-    """The flow through a gap: its pressure, and the change of that with the gap.
+    """The flow through a gap, from the first to the last line along an axis: its pressure, and the change with the gap.
 
-    Parameters
-    ----------
-    gap : array (rows, columns)
-        Gap g ≥ 0 [any length]; open is g > 0.
-    axis : int
-        Direction of the flow from the inlet at its first line to the outlet at its last, 0 for x, 1 for y.
-    periodic : bool
-        Whether the two other sides are joined.
-    least : float
-        Conductance of a closed element over that of the gap h.
-
-    Attributes
-    ----------
-    pressure : array (rows, columns)
-        P, from 1 at the inlet to 0 at the outlet.
-
-    Raises
-    ------
-    ContactError
-        If the gap is no 2-D field of finite numbers ≥ 0.
-    ConvergenceError
-        If the pressure is not found to `ACCURACY`.
+    ``pressure`` is P (rows, columns). If `periodic`, the two other sides are joined. ``least`` is the conductance of a
+    closed element over that of the gap h. A pressure not found to `ACCURACY` is a `ConvergenceError`.
     """
 
     def __init__(self, gap: Array, axis: int, *, periodic: bool = False, least: float = LEAST) -> None:

@@ -39,21 +39,10 @@ def element_volumes(gap: Array, spacing: float, contact: Mask) -> Array:
 
 
 def free_volume(gap: Array, Sq: float) -> float:
-    """Return the dimensionless free volume, V* = mean(g) / σ: the volume per element area, over σ.
+    """Return the dimensionless free volume, V* = mean(g)/σ; Sq is 1 for a gap already divided by σ.
 
-    The paper's V / (L² σ) with V = Σ v over the (2^m + 1)² elements is this times (1 + 2^-m)²: its elements cover
-    more than L². Sq is 1 for a gap already divided by σ.
-
-    See Also
-    --------
-    volume_density : Returns the density of the volumes of elements.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from roughvol.gap.free_volume import free_volume
-    >>> free_volume(np.array([[0.0, 1.0], [2.0, 3.0]]), Sq=0.5)
-    3.0
+    The paper's V/(L² σ) with V = Σ v over the (2^m + 1)² elements is this times (1 + 2^-m)²: its elements cover more
+    than L².
     """
     if not Sq > 0.0:
         raise ContactError(f"Sq must be positive for a free volume in units of it, got {Sq!r}")
@@ -65,22 +54,8 @@ def volume_density(
 ) -> VolumeDensity:
     """Return the probability density f(v) of the element volumes, ∫ f dv = 1 (the paper's Section 4, Fig. 12).
 
-    Equal bins over [0, v_max], the last one closed. Elements in contact (v = 0) are left out by default. Their
-    share is A*, a single value and no density. The upper edge of the last bin is one value for surfaces to be compared.
-    Full contact has no volume to distribute: all NaN.
-
-    See Also
-    --------
-    free_volume : Returns the mean gap over σ.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from roughvol.gap.free_volume import element_volumes, volume_density
-    >>> gap = np.array([[0.0, 1.0], [2.0, 4.0]])
-    >>> volumes = element_volumes(gap, spacing=1.0, contact=gap == 0.0)
-    >>> volume_density(volumes, gap == 0.0, bins=2).density.round(3).tolist()
-    [0.167, 0.333]
+    Equal bins over [0, v_max or `upper`], the last one closed. Elements in contact (v = 0) are left out by default:
+    their share is A*, a single value and no density. Full contact has no volume to distribute: all NaN.
     """
     _check_mask(volumes, contact)
     if bins < 1:
@@ -99,7 +74,7 @@ def volume_density(
 def domain(volumes: Array, threshold: float, contact: Mask) -> Mask:
     """Return the free volume domain, D(v ≤ v_th) together with the contact (the paper's Section 3.2, Fig. 10).
 
-    At v_th = 0 it is the contact itself: an open element whose gap happens to be 0, as at first touch, is not black.
+    At v_th = 0 it is the contact alone, without open elements whose gap happens to be 0, as at first touch.
     """
     _check_mask(volumes, contact)
     if not threshold >= 0.0:

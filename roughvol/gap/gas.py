@@ -49,15 +49,10 @@ NEAR = 0.02  # relative difference of two pressures, below which their mean cond
 
 
 class GasFlow(NamedTuple):
-    """A stationary flow of a gas along an axis.
+    """A flow of a gas along an axis: throughput over that of viscous flow between plates, relative error, iterations.
 
-    Attributes
-    ----------
-    coefficient : throughput over that of viscous flow between two smooth plates at the mean gap.
-    error : estimated relative error of the coefficient, from its last two changes and the error of the last flow.
-    knudsen : λ at the mean of both pressures over the critical constriction; infinite without a way.
-    conservation_error : as that of `transport.Conduction`.
-    turns : iterations.
+    The error is that of the last two changes and of the last flow. ``knudsen`` is λ at the mean of both pressures over
+    the critical constriction, infinite without a way.
     """
 
     coefficient: float
@@ -97,10 +92,7 @@ def kinetic_integral(inverse_knudsen: Array) -> Array:
 
 
 def local_flow(law: str, gap: Array | float, pressure: Array | float, path: float) -> Array:
-    """Return f(g, p), the throughput per width and gradient of pressure times 12 μ [length³].
-
-    The path is the mean free path at the inlet, and pressures are over that of the inlet.
-    """
+    """Return f(g, p) [length³] of the table above; the path is λ at the inlet."""
     if law == "kinetic":
         D = np.asarray(0.5 * math.sqrt(math.pi) / path * gap * pressure)
         return np.asarray(12.0 * path / math.sqrt(math.pi) * gap**2 * kinetic_flow_rate(np.maximum(D, 1e-300)))
@@ -122,9 +114,8 @@ def conduction_of_gas(
 ) -> GasFlow:
     """Return the throughput of a gas along an axis over that of viscous flow between plates at the mean gap.
 
-    Equations, sources and validity as at the top of this module; elements, faces and reservoirs as in `transport`. The
-    path is the mean free path at the inlet, and the outlet a pressure over that of the inlet, 0 ≤ outlet < 1. A flow
-    that still changes by a tenth of the accuracy after `TURNS` iterations is a `ConvergenceError`.
+    The path is λ at the inlet; the outlet pressure is 0 ≤ outlet < 1. A flow that still changes by a tenth of the
+    accuracy after `TURNS` iterations is a `ConvergenceError`.
     """
     check_gap(gap)
     if law not in LAWS or not 0.0 <= outlet < 1.0 or not 0.0 <= path < math.inf or (law == "kinetic" and path == 0.0):
@@ -178,10 +169,7 @@ def _iterated(
         return mean
 
     def conductances(p: Array, faces: Array, beyond: Array, behind: Array) -> tuple[Array, Array]:
-        """Return conductances for s of the faces between elements in front and behind, and pressures of the faces.
-
-        ``beyond`` and ``behind`` are gaps, ``p`` the pair of pressures.
-        """
+        """Return conductances for s of the faces between gaps ``beyond`` and ``behind``, and pressures of the faces."""
         front, back = between(beyond, p[0], faces), between(behind, p[1], faces)
         total = front + back
         own = np.divide(front * p[0] + back * p[1], total, out=0.5 * (p[0] + p[1]), where=total > 0.0)

@@ -30,13 +30,9 @@ Field = Array
 
 
 class Conductances(NamedTuple):
-    """Conductances ≥ 0 of a grid, each of shape (rows, columns).
+    """Conductances ≥ 0 of a grid: to the next row (south), to the next column (east), and to pressures held (own).
 
-    Attributes
-    ----------
-    south : from the element (i, j) to (i + 1, j); those of the last row lead to the first row.
-    east : from the element (i, j) to (i, j + 1); those of the last column lead to the first column.
-    own : from the element to pressures that are held.
+    Shape (rows, columns). The last row leads to the first one, and the last column to the first.
     """
 
     south: Field
@@ -61,16 +57,9 @@ def _balance(joints: Any, own: Array) -> Any:
 
 
 class Multigrid:
-    """An approximate inverse of the matrix of conductances, symmetric and positive definite; exact on a small grid.
+    """An approximate inverse of the matrix of conductances, symmetric and positive definite.
 
-    An element without any conductance keeps the pressure 0.
-
-    Parameters
-    ----------
-    network : Conductances
-        Of the elements.
-    direct : int, optional
-        Grids of up to so many elements are factorised, `DIRECT` by default.
+    It is exact on grids of up to `direct` elements. An element without any conductance keeps the pressure 0.
     """
 
     def __init__(self, network: Conductances, direct: int | None = None) -> None:
@@ -142,10 +131,9 @@ def _factor(matrix: Any) -> Any:
 def turned(
     direction: Field, towards: Field, turn: float, south: Field, east: Field, own: Field, outflow: Field
 ) -> None:
-    """Turn a direction of pressures of a grid, and write the flow out of each element.
+    """Turn a direction to ``towards`` plus ``turn`` times itself, and write the flow out of each element.
 
-    The new direction is ``towards`` and ``turn`` times the old one. Lines are turned one ahead of their outflow, so
-    that fields are read once.
+    Lines are turned one ahead of their outflow, so that fields are read once.
     """
     rows, columns = own.shape
     for line in range(0, rows, max(rows - 1, 1)):  # the first and the last are neighbours

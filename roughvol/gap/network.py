@@ -34,15 +34,7 @@ DIGITS = 1e-26  # of the energy of pressures that are wanted to 12 digits and mo
 
 
 class Network:
-    """Elements with conductances, and the pressures that bring the flow into them to 0.
-
-    Parameters
-    ----------
-    conductances : Conductances
-        Of shape (rows, columns).
-    direct : int, optional
-        Grids of up to so many elements are factorised, `multigrid.DIRECT` by default.
-    """
+    """Elements with conductances, and the pressures that bring the flow into them to 0; `direct` as in `Multigrid`."""
 
     def __init__(self, conductances: Conductances, direct: int | None = None) -> None:
         self._conductances = conductances
@@ -57,8 +49,8 @@ class Network:
     def correction(self, inflow: Array, dissipation: float, accuracy: float, least: float = 0.0) -> tuple[Array, float]:
         """Return the correction of pressures that leave an inflow, and the estimated error of the dissipation.
 
-        The dissipation is that of the uncorrected pressures. The error is over the dissipation of the corrected ones.
-        An error of ``least`` times the uncorrected dissipation is allowed as well.
+        The dissipation is that of the uncorrected pressures, the error over the dissipation of the corrected ones. An
+        error of ``least`` times the uncorrected dissipation is allowed as well.
         """
         pressure, left, fallen = self._descended(
             inflow, lambda fallen: max(accuracy * (dissipation - fallen), least * dissipation)
@@ -66,10 +58,10 @@ class Network:
         return pressure, left / (dissipation - fallen)
 
     def _descended(self, inflow: Array, allowed: Callable[[float], float]) -> tuple[Array, float, float]:
-        """Return the pressures, by how much the dissipation may still fall, and by how much it fell.
+        """Return the pressures, how far the dissipation may still fall, and how far it fell.
 
-        ``allowed`` returns what may be left of the fall that was reached. Without convergence in `STEPS` steps the grid
-        is factorised, or if it is too large, a `ConvergenceError` is raised.
+        ``allowed`` maps the fall that was reached to the fall that may be left. Without convergence in `STEPS` steps
+        the grid is factorised, or if it is too large, a `ConvergenceError` is raised.
         """
         left, pressure, direction = inflow.copy(), np.zeros(inflow.shape), np.zeros(inflow.shape)
         outflow = np.empty(inflow.shape)
@@ -108,15 +100,10 @@ def smallest(steps: list[float], turns: list[float]) -> float:
 
 
 class Flow(NamedTuple):
-    """Fluxes through the faces of a field of shape (rows, columns), for a drop of pressure from 1 to 0.
+    """Fluxes through the faces for a drop of pressure from 1 to 0, their dissipation, which is the flow, and its error.
 
-    Attributes
-    ----------
-    down : shape (rows + 1, columns), from the inlet to the outlet.
-    east : shape (rows, columns), from column to column; the last one leads to the first of a period, or is 0.
-    dissipation : power, which equals the flow.
-    error : estimated relative error of the dissipation.
-    pressure : shape (rows, columns), 0 where nothing flows.
+    ``down`` (rows + 1, columns) leads from the inlet to the outlet, ``east`` (rows, columns) from column to column, the
+    last one to the first of a period, or 0. The error is relative. The pressure is 0 where nothing flows.
     """
 
     down: Array
@@ -127,27 +114,11 @@ class Flow(NamedTuple):
 
 
 def flow_through(down: Array, east: Array, accuracy: float = ACCURACY, start: Array | None = None) -> Flow:
-    """Return the flow along axis 0 between P = 1 and P = 0 through the faces of elements.
+    """Return the flow along axis 0 between P = 1 and P = 0, through faces of the shapes of `Flow`, reservoirs included.
 
     Unknown is u = P - R. After the first solve R = 0 or 1 is the nearer reservoir. Where P differs from a reservoir by
     less than rounding, u and the flux it drives still have all their digits. More solves follow where the accuracy or
-    the contrast asks for them.
-
-    Parameters
-    ----------
-    down : ndarray, shape (rows + 1, columns)
-        Conductances ≥ 0 of the faces across axis 0, those to the reservoirs included.
-    east : ndarray, shape (rows, columns)
-        Conductances ≥ 0 of the faces across axis 1; the last column leads to the first one.
-    accuracy : float
-        Allowed relative error of the flow.
-    start : ndarray, shape (rows, columns), optional
-        Pressures to start from.
-
-    Returns
-    -------
-    Flow
-        Fluxes, their dissipation, and pressures.
+    the contrast asks for them. ``start`` has pressures to start from.
     """
     network = Network(between_reservoirs(down, east))
     u = np.zeros(east.shape) if start is None else start.copy()
@@ -188,10 +159,7 @@ def _fluxes(
     fine_inlet: float,
     whole_inlet: float,
 ) -> float:
-    """Write the fluxes through the faces, and return their dissipation, for pressures that are the sum of two fields.
-
-    Pressures of the inlet are given for both fields, pressures of the outlet are 0.
-    """
+    """Write the fluxes of the sum of two pressure fields, and return their dissipation; P = 0 at the outlet."""
     rows, columns = east.shape
     fine_ends, whole_ends, outlet = np.full(columns, fine_inlet), np.full(columns, whole_inlet), np.zeros(columns)
     dissipation = 0.0
@@ -216,7 +184,7 @@ def _fluxes(
 def flow_around(conductances: Conductances, accuracy: float = ACCURACY) -> float:
     """Return the dissipation in one period, where P falls by one from row to row in the mean.
 
-    ``own`` holds the pressure of one element of each cluster. Where it is held makes no difference.
+    ``own`` holds the pressure of one element of each cluster, whichever element this is.
     """
     south, east, _ = conductances
     network = Network(conductances)
@@ -257,10 +225,9 @@ def differences(field: Array, inlet: float) -> Array:
 
 @compiled
 def faces(k: Array, periodic: bool) -> tuple[Array, Array]:
-    """Return the conductances of the faces of elements, of the shapes of `flow_through`, from those of the elements.
+    """Return the conductances of the faces, of the shapes of `Flow`, from those of the elements.
 
-    Neighbours are joined by the harmonic mean, a reservoir and its neighbour by 2k. Faces between the last and the
-    first column conduct in a period alone.
+    Neighbours are joined by the harmonic mean, a reservoir and its neighbour by 2k; the seam conducts in a period.
     """
     rows, columns = k.shape
     down, east = np.empty((rows + 1, columns)), np.empty(k.shape)

@@ -17,11 +17,10 @@ EXCESS = (math.pi - 1.0 + math.log(2.0)) / 24.0
 
 
 def contact_perimeter(contact: Mask, periodic: bool = False) -> float:
-    """Return the length of the edges between contact and void times L over the nominal area, S_d L/A_n.
+    """Return the length S_d of the edges between contact and void, as S_d L/A_n, with L = n δ of all elements.
 
-    S_d is δ times the number of pairs of neighbours along x or y, one in contact and one not. The sides of a patch are
-    no edges; elements at opposite sides of a period are neighbours. With n nodes along the first axis, L = n δ is that
-    of all elements.
+    S_d is δ times the pairs of neighbours along x or y, one in contact and one not. The sides of a patch are no edges;
+    elements at opposite sides of a period are neighbours.
     """
     if contact.ndim != 2 or contact.dtype != np.bool_ or contact.size == 0:
         raise ContactError(f"contact must be a 2-D mask of bool, got {contact.dtype} of shape {contact.shape}")
@@ -32,11 +31,11 @@ def contact_perimeter(contact: Mask, periodic: bool = False) -> float:
 
 
 def corrected_area(area_fraction: ArrayLike, perimeter: ArrayLike, nodes: ArrayLike) -> Array:
-    """Return the contact area fraction corrected by the perimeter, A* - (π - 1 + ln 2)/24 S_d δ/A_n.
+    """Return the contact area fraction corrected by `contact_perimeter`, A* - (π - 1 + ln 2)/24 S_d δ/A_n, n = L/δ.
 
     V. A. Yastrebov, G. Anciaux & J.-F. Molinari, The role of the roughness spectral breadth in elastic contact of rough
     surfaces, J. Mech. Phys. Solids 107 (2017) 469-493; derived in the same authors' Tribology International 114 (2017)
-    161-171. The perimeter is that of `contact_perimeter`, and n = L/δ the elements along the first axis.
+    161-171.
     """
     area, edges, n = (np.asarray(values, dtype=np.float64) for values in (area_fraction, perimeter, nodes))
     return np.maximum(area - EXCESS * edges / n, 0.0)

@@ -53,9 +53,8 @@ def single_junction(
 ) -> float:
     """Return the estimate of the coefficient of `conduction` from the critical constriction alone.
 
-    All pressure drops over one square junction of the gap h_c of `constriction`; ``critical`` is h_c, if it is known.
-    The coefficient is (h_c/mean g)^n times the length of the field over its width. Persson & Yang, Journal of Physics:
-    Condensed Matter 20 (2008) 315011.
+    All pressure drops over one square junction of the gap h_c of `constriction` (`critical`): the coefficient is
+    (h_c/mean g)^n times length over width. Persson & Yang, Journal of Physics: Condensed Matter 20 (2008) 315011.
     """
     check_exponent(exponent)
     critical = constriction(gap, axis, periodic=periodic).gap if critical is None else critical

@@ -36,15 +36,8 @@ WINDOW = 1e7  # conductances beyond so many times that of the widest way, to eit
 def conductance(along: Array, across: Array, *, ring: bool = False) -> float:
     """Return the flow through a sheet over that of a sheet whose patches all conduct 1.
 
-    Parameters
-    ----------
-    along : ndarray, shape (n, m)
-        Conductances ≥ 0 of the patches along the flow; 0 of a closed patch.
-    across : ndarray, shape (n - 1, m)
-        Conductances ≥ 0 across the flow, to the next column. The last column leads to the first one of a ring, and
-        counts in no other sheet.
-    ring : bool
-        Whether the sheet is closed to a ring across the flow.
+    ``along`` (n, m) and ``across`` (n - 1, m) are conductances ≥ 0, 0 of a closed patch. Across leads to the next
+    column; from the last one to the first in a ring alone.
     """
     n, m = along.shape
     if n == 1:
@@ -66,9 +59,9 @@ def conductance(along: Array, across: Array, *, ring: bool = False) -> float:
 
 
 def closing(along: Array, across: Array, *, ring: bool = False) -> float:
-    """Return the largest value such that patches of this value or more lead through a sheet; 0 if none do.
+    """Return the largest value such that patches of this value or more lead through a sheet; 0 without a way.
 
-    Of the closing loads of the patches it is the load at which the sheet closes. Arguments as for `conductance`.
+    Of the closing loads of the patches it is the load at which the sheet closes.
     """
     if along.shape[0] == 1:
         return float(along.max())

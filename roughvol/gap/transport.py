@@ -46,13 +46,7 @@ _WINDOW = 1e7
 
 @dataclass(frozen=True)
 class Conduction:
-    """A stationary flow along an axis.
-
-    Attributes
-    ----------
-    coefficient : flow over that between two smooth plates at the mean gap.
-    error : estimated relative error of the coefficient, which is too large by it.
-    """
+    """A stationary flow along an axis: its coefficient, which is too large by the estimated relative error."""
 
     coefficient: float
     error: float
@@ -100,41 +94,8 @@ def conduction(
 ) -> Conduction:
     """Return the flow of div(g^n grad P) = 0 along an axis over that of two smooth plates at the mean gap.
 
-    Solved on the clusters that percolate, to the accuracy; boundary values and normalisation as at the top of this
-    module. The two coefficients of Vallet et al. (2009): transmissivity with n = 3, diffusivity with n = 1.
-
-    Parameters
-    ----------
-    gap : ndarray, shape (rows, columns)
-        Gap g ≥ 0 [any length].
-    axis : int
-        Direction of the flow, 0 for x, 1 for y.
-    exponent : float
-        n > 0.
-    periodic : bool
-        Whether the two other sides are joined.
-    accuracy : float
-        Allowed relative error of the coefficient, by the estimate of `network`.
-    start : ndarray, shape (rows, columns), optional
-        Pressures of a similar gap, to start from.
-    critical : float, optional
-        The gap of `constriction`, if it is known.
-
-    Returns
-    -------
-    Conduction
-        The coefficient, its error, and the fluxes.
-
-    See Also
-    --------
-    constriction : Returns the narrowest place of the widest way.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from roughvol.gap.transport import conduction
-    >>> round(float(conduction(np.full((4, 4), 2.0), axis=0).coefficient), 9)  # two smooth plates
-    1.0
+    The two coefficients of Vallet et al. (2009): transmissivity with n = 3, diffusivity with n = 1. The accuracy is
+    relative, `start` has pressures of a similar gap, and `critical` is the gap of `constriction`, if it is known.
     """
     check_exponent(exponent)
     critical = constriction(gap, axis, periodic=periodic).gap if critical is None else critical
@@ -155,9 +116,8 @@ def conduction(
 def cell_conduction(gap: Array, axis: int, exponent: float = 3.0, *, accuracy: float = ACCURACY) -> float:
     """Return the flow through the endless plane of a periodic gap over that between two plates at the mean gap.
 
-    The representative cell: div(g^n grad P) = 0, with P falling by the same mean gradient along the axis in every
-    period, and no mean gradient across. The coefficient is the dissipation per element, Σ k (δP)²/N at one unit of mean
-    gradient, over (mean g)^n. It is 0 where no void leads on from period to period without end.
+    The coefficient is the dissipation per element, Σ k (δP)²/N at one unit of mean gradient along the axis and none
+    across, over (mean g)^n. It is 0 where no void leads on from period to period without end.
     """
     check_exponent(exponent)
     along = gap if axis == 0 else np.ascontiguousarray(gap.T)
@@ -176,10 +136,7 @@ def cell_conduction(gap: Array, axis: int, exponent: float = 3.0, *, accuracy: f
 
 
 def _conductance(gap: Array, critical: float, exponent: float) -> Array:
-    """Return k over its critical value in the window of conductances, 0 elsewhere.
-
-    The ratio of gaps is cut before its power, which could leave the range of doubles.
-    """
+    """Return k over its critical value in the window, 0 elsewhere; gaps are cut before a power could overflow."""
     widest = np.exp(min(np.log(_WINDOW) / exponent, 700.0))
     return _powers(gap, critical, exponent, float(widest))
 
