@@ -10,27 +10,12 @@ from roughvol.typing import Array
 
 
 def at_state(state: ArrayLike, quantity: ArrayLike, values: ArrayLike, *, straight: bool = False) -> Array:
-    """Return a quantity at given values of the state, by monotone cubic interpolation.
+    """Return a quantity (steps,) at values (n,) of the state, rising or falling, by monotone cubic interpolation.
 
     The curve is the piecewise cubic of Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300. It has no extremum
-    between two steps. Steps that do not advance the state are omitted. Nothing is extrapolated.
-
-    Parameters
-    ----------
-    state : array, shape (steps,)
-        State at each step, as p*, rising or falling; NaN are omitted.
-    quantity : array, shape (steps,)
-        Quantity at each step; NaN are omitted.
-    values : array, shape (n,)
-        Values of the state.
-    straight : bool
-        Straight lines between two steps in place of the cubic, with steps of equal state kept: for curves in steps,
-        as V* over A* near first touch.
-
-    Returns
-    -------
-    array, shape (n,)
-        Quantity at each value; NaN outside the sweep.
+    between two steps. Steps that do not advance the state are omitted, as are NaN. Nothing is extrapolated: NaN outside
+    the sweep. ``straight`` takes straight lines, with steps of equal state kept: for curves in steps, as V* over A*
+    near first touch.
     """
     x, y = np.asarray(state, dtype=np.float64), np.asarray(quantity, dtype=np.float64)
     points = np.atleast_1d(np.asarray(values, dtype=np.float64))
@@ -52,25 +37,11 @@ def at_state(state: ArrayLike, quantity: ArrayLike, values: ArrayLike, *, straig
 
 
 def error_of_fewer_steps(state: ArrayLike, quantity: ArrayLike, value: float, every: int) -> float:
-    """Return the error of `at_state` with every k-th step alone, as a mean over the omitted steps near a value.
+    """Return the signed error of `at_state` with every k-th step alone, as a mean over the omitted steps near a value.
 
-    The omitted steps are solved, so that the error there is known. The steps within k of the value are taken. Their
-    mean depends less on the place of the value between two steps than the error at the value.
-
-    Parameters
-    ----------
-    state, quantity : array, shape (steps,)
-        As for `at_state`.
-    value : float
-        Value of the state.
-    every : int
-        k ≥ 2. The first step and the last one are kept.
-
-    Returns
-    -------
-    float
-        Signed error. Its mean over surfaces is that of the mean. 0 without an omitted step; infinite where the kept
-        steps do not reach the value.
+    The omitted steps are solved, so that the error there is known. The steps within k ≥ 2 of the value are taken: their
+    mean depends less on the place of the value between two steps. The mean of this error over surfaces is the error of
+    their mean. It is 0 without an omitted step, and infinite where the kept steps do not reach the value.
     """
     x, y = np.asarray(state, dtype=np.float64), np.asarray(quantity, dtype=np.float64)
     finite = np.isfinite(x) & np.isfinite(y)

@@ -62,20 +62,9 @@ _GMRES = {"rtol": 1e-3, "restart": 60, "maxiter": 2}
 
 @dataclass(frozen=True, eq=False)
 class Lifted:
-    """A contact under load and fluid pressure.
+    """A contact under load and fluid pressure: gap over σ (0 in contact), P and total P + e in the unit of p*.
 
-    Attributes
-    ----------
-    gap : array (rows, columns)
-        Gap over σ of the undeformed surface; 0 in contact.
-    fluid : array (rows, columns)
-        P in the unit of p*.
-    pressure : array (rows, columns)
-        Total pressure P + e in the unit of p*.
-    rounds : int
-        Solves of the contact under a new fluid pressure.
-    residual : float
-        η/σ of the contact, and in a coupled state the change of P/drop in the last round; the larger.
+    ``rounds`` counts solves under a new P. ``residual`` is η/σ or, if larger, the last change of P/drop when coupled.
     """
 
     gap: Array
@@ -91,10 +80,7 @@ class Lifted:
 
 
 def of_state(view: View) -> Values:
-    """Return leak, gap, contact and load under the fluid pressure of a study, at the load of a state.
-
-    The fluid flows through the whole surface. Leaks, gaps and areas are those of the region.
-    """
+    """Return leak, gap and area of the region, and load, under the fluid pressure of a study at the load of a state."""
     case, surface, dry, half_space = view.case, view.surface, view.whole, view.half_space
     asked = case.record.fluid_pressure
     assert asked is not None
@@ -140,25 +126,9 @@ class Opening(ContactError):
 
 
 class Coupling:
-    """Contact and flow of one surface along one axis.
+    """Elastic contact of one surface and flow along one axis, fluid pressures inlet > outlet ≥ 0 in the unit of p*.
 
-    Parameters
-    ----------
-    surface : Surface
-        The surface pressed; elastic contact.
-    half_space : Compliance
-        Of its shape.
-    axis : int
-        From inlet to outlet, 0 for x, 1 for y.
-    inlet, outlet : float
-        Fluid pressures at both sides in the unit of p*, inlet > outlet ≥ 0.
-    rtol : float
-        Largest η/σ of the contacts.
-
-    Raises
-    ------
-    ContactError
-        If the pressures are out of range.
+    ``rtol`` is the largest η/σ of the contacts.
     """
 
     def __init__(
@@ -199,10 +169,9 @@ class Coupling:
         return self.under(self.fluid_in(dry.gap()), load, dry)
 
     def solve(self, load: float, near: Contact) -> Lifted:
-        """Return the coupled state of a joint that is pressed first and pressurised then.
+        """Return the coupled state of a joint pressed first and pressurised then, from the contact without fluid.
 
-        The contact near it is that without fluid at this load. The inlet rises from zero. A joint that opens is a
-        `ContactError`; no state, and no proof of opening, a `ConvergenceError`.
+        A joint that opens is a `ContactError`; no state, and no proof of opening, a `ConvergenceError`.
         """
         fluid, reached, rounds, first = self.fluid_in(near.gap()), 0.0, 0, 0
         while reached < 1.0:
@@ -230,10 +199,9 @@ class Coupling:
         return replace(state, rounds=rounds)
 
     def _softened(self, fluid: Array, load: float, near: Contact) -> Lifted:
-        """Return the state to which a fluid pressure relaxes as closed elements conduct less from step to step.
+        """Return the state to which P relaxes as closed elements conduct less and less; P then changes slowly at first.
 
-        Elements next to closing then change P more slowly with their gap at first. Starts are the fluid pressure, that
-        of the dry gap, and that of a wide gap.
+        Starts are the fluid pressure, that of the dry gap, and that of a wide gap.
         """
         rounds = 0
         for start in (fluid, self.fluid_in(near.gap()), self.fluid_in(np.ones(self.surface.shape))):
@@ -287,16 +255,10 @@ class Coupling:
 
 
 class Round:
-    """A contact under a fluid pressure P, the flow through its gap, and the linear F about P.
+    """A contact under a fluid pressure P, F(P) - P of the flow through its gap (``left``), and the linear F about P.
 
-    Attributes
-    ----------
-    state : Lifted
-        The contact under P. Fluid in contact has no effect on its gap.
-    left : array (rows, columns)
-        F(P) - P, in the unit of p*.
-    size, norm : float
-        Largest |F(P) - P|, and the root of the sum of its squares.
+    ``size`` is the largest |F(P) - P|, ``norm`` the root of the sum of its squares. Fluid in contact does not move the
+    gap.
     """
 
     def __init__(self, coupling: Coupling, state: Lifted, least: float) -> None:

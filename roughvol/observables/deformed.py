@@ -5,21 +5,18 @@ height of the whole surface before load. The gap is g = u - Δ + z_max - z, so t
 
     z - u = (z_max - Δ) - g,
 
-a plane less the gap. It is flat where it touches the plane, and -g is its height above that plane. This is the deformed
-shape of the paper's Fig. 8b. Texture does not depend on the height of the plane, so it is taken of -g.
+a plane less the gap: the deformed shape of the paper's Fig. 8b. Texture does not depend on the height of the plane, so
+it is taken of -g. E* is composite, and u is the sum of both deformations. If the smooth body deforms, the rough one
+keeps its shape, and -g is the shape of the gap turned upside down: the valleys between the bodies are the same.
 
-E* is composite, and u is the sum of both deformations. If the smooth body deforms, the rough one keeps its shape, and
--g is the shape of the gap turned upside down. The valleys between the bodies are the same in both readings.
-
-Numbers are those of `texture`, each normalised by the heights it is given. Svi under load is over the Sq under load.
-Times Sq under load over Sq it is the retained volume over σ, comparable with the free volume V*. Everything is of the
-region of the study, before load as well, so both are of the same nodes.
+Numbers are those of `texture`, each normalised by the heights it is given. Svi under load times Sq under load over Sq
+is the retained volume over σ, comparable with the free volume V*. Everything is of the region of the study, before load
+as well.
 
 The waves q of a spectrum are multiples of 2π over the length of the first axis of the region. A whole period has its
 waves exactly. A patch, and a part of a period, are multiplied by a window (`surfaces.psd`).
 
-The residual surface is z - u_pl, the heights without load less the plastic displacement u_pl ≥ 0. Elastic displacements
-are gone there.
+The residual surface is z - u_pl, the heights without load less the plastic displacement u_pl ≥ 0.
 """
 
 from __future__ import annotations
@@ -67,8 +64,7 @@ def lags(shape: tuple[int, ...], *, periodic: bool = False) -> Index:
 def before_load(case: Case, surface: Surface) -> Values:
     """Return the texture of the undeformed surface in the region of the study, and the labels of its curves.
 
-    Sq, Sdq and the exponent of the spectrum have the suffix ``_region``; they are left out where the region is the
-    whole surface.
+    Sq, Sdq and the exponent of the spectrum have the suffix ``_region``, where this is not the whole surface.
     """
     heights = surface.heights[window(case, surface.shape)]
     periodic = is_period(case)

@@ -35,11 +35,7 @@ def end_of(case: Case, target: Level | None = None) -> Callable[[Contact], bool]
 
 
 def reached(level: Level, step: int, contact: State, case: Case, before: Mapping[str, float] | None = None) -> bool:
-    """Return whether a state is at or beyond a level.
-
-    The last step reaches the end of the sweep by definition. A finite residual may leave it one element or a few digits
-    short.
-    """
+    """Return whether a state is at or beyond a level. The last step is at the end of the sweep by definition."""
     if level.leg is not None:
         return before is not None and crossed(level, step, contact, case, before)
     if is_end(level, step, case):
@@ -133,13 +129,10 @@ def at_level(
     residual: float,
     after: Contact,
 ) -> Contact:
-    """Return the state at a level between two steps of a sweep, and leave the sweep as it is.
+    """Return the state at a level between two steps of a sweep, solved or searched for, and leave the sweep as it is.
 
-    At an indentation or a separation of a free patch one state is solved. Other levels, those of areas, pressures and
-    volumes in the region of the study, are searched for between the two steps.
-
-    `earlier` has the one or two states before the level, as `Contact.state` returns them, `residual` is η/σ of the last
-    of them, and `after` is the first step at the level or beyond it.
+    `earlier` has `Contact.state` of one or two states before the level, `residual` is η/σ of the last of them, and
+    `after` is the first step at the level or beyond it.
     """
     value = level.value or 0.0
     options = options_of(case, surface)
@@ -175,10 +168,10 @@ def closing(
     residual: float,
     after: Contact,
 ) -> Contact | None:
-    """Return the state in which the last way along an axis closes; None where the way is open at a step.
+    """Return the state in which the last way along an axis closes, as `at_level`; None where it is open at a step.
 
-    The arguments are those of `at_level`. A way that is open at the last step of the first leg is pressed on until it
-    closes, and left open on a surface that yields: its pressures end at the hardness.
+    A way that is open at the last step of the first leg is pressed on until it closes, and left open on a surface that
+    yields: its pressures end at the hardness.
     """
     level = Level(f"percolation-{axis}")
     if void.stops_percolating(level.kind, within(after, case)):

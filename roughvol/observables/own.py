@@ -85,10 +85,7 @@ def labels(case: Case, surface: Surface) -> Values:
 
 
 def register(record: Record, ensemble: Ensemble | None = None) -> None:
-    """Put the rows of the quantities of a study, and of their means in an ensemble, into the table of variables.
-
-    Failed imports, stored names and means of arrays are refused.
-    """
+    """Put the rows of the quantities of a study, and of their means, into the table of variables, or refuse them."""
     averaged = ensemble.accuracy.own if ensemble is not None else []
     for name, quantity in _of(record).items():
         try:

@@ -1,7 +1,7 @@
 """Reduction of a sweep: each state becomes stored numbers at once, and fields at the states that a study names.
 
-Numbers of a contact are those of the region of the study, as if it were cut out of the loaded surface. The heights, the
-fields of gap and pressure, Sq and the separation are those of the whole surface. Lengths are over that Sq.
+Numbers are those of the region of the study, as if it were cut out of the loaded surface, over the Sq of the whole
+surface. The heights, the fields of gap and pressure, Sq and the separation are those of the whole surface.
 """
 
 from __future__ import annotations

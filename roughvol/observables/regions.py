@@ -1,7 +1,7 @@
 """Parts of a surface: a contact seen through a window of its elements, and a state as an observable sees it.
 
-A window holds the elements whose centres lie in a region. Observables of a window are those of the loaded surface, cut
-out there. Lengths stay over the Sq of the whole surface, pressures over its E* Sq/L.
+Observables of a window are those of the loaded surface, cut out there. Lengths stay over the Sq of the whole surface,
+pressures over its E* Sq/L.
 """
 
 from __future__ import annotations
@@ -83,8 +83,7 @@ def window(case: Case, shape: tuple[int, int]) -> Window:
 def window_of(region: Region, shape: tuple[int, int], *, periodic: bool = False) -> Window:
     """Return the rows and columns of the elements whose centres lie in a region.
 
-    The side of a period is one spacing longer than its nodes. Fewer than two elements along an axis are a
-    `ContactError`.
+    The side of a period is one spacing longer than its nodes. Fewer than two elements along an axis: `ContactError`.
     """
     slices = []
     for (start, end), nodes in zip((region.x, region.y), shape, strict=True):
@@ -125,15 +124,10 @@ def central(share: float) -> Region:
 
 @dataclass(frozen=True)
 class View:
-    """One state of a sweep.
+    """One state of a sweep: the case, the whole surface, whose Sq is the unit of lengths, and the state on it.
 
-    Attributes
-    ----------
-    case : what to record, and of which region.
-    surface : the whole surface; its Sq is the unit of lengths.
-    whole : the state on the whole surface.
-    half_space : on which the state was solved.
-    pressures : of the fluid at the last state that had a flow, by name and axis, for the next flow to start from.
+    ``pressures`` are those of the fluid at the last state with a flow, by name and axis, for the next flow to start
+    from.
     """
 
     case: Case

@@ -27,32 +27,13 @@ OF_EXPONENT = 4  # states of an exponent
 
 
 def interfacial_stiffness(pressure: ArrayLike, separation: ArrayLike) -> Array:
-    """Return the interfacial stiffness K = -dp/dd at the stored states of a loading.
+    """Return the interfacial stiffness K = -dp/dd at the stored states (..., steps) of a loading or unloading.
 
     K = -p/(dd/d ln p). The derivative of d over ln p is taken from three neighbouring states: centred differences on
     unequal steps, of second order, one-sided at both ends. Where such a parabola turns before its end, as at a kink
-    before full contact, the straight line to the neighbour is taken there. The result belongs to the states themselves,
-    where all other quantities are stored. Over ln p the differences are exact for p ~ exp(-d/u), and full contact,
-    where d no longer moves, needs no exception. For K of rough interfaces: Pastewka et al., Physical Review E 87 (2013)
-    062809.
-
-    Parameters
-    ----------
-    pressure : array_like, shape (..., steps)
-        Mean pressure p ≥ 0 [any pressure], rising or falling along the last axis.
-    separation : array_like, shape (..., steps)
-        Separation d, or the mean gap [any length].
-
-    Returns
-    -------
-    ndarray, shape (..., steps)
-        Stiffness [pressure per length]. It is infinite where d no longer moves, and NaN where p is 0 or NaN, or where
-        fewer than three states are left.
-
-    Raises
-    ------
-    ContactError
-        If the shapes differ, a pressure is negative, or pressures neither rise nor fall throughout.
+    before full contact, the straight line to the neighbour is taken there. For p ~ exp(-d/u) these differences are
+    exact. K is infinite where d no longer moves, and NaN where p is 0 or NaN, or with fewer than three states. For K of
+    rough interfaces: Pastewka et al., Physical Review E 87 (2013) 062809.
     """
     p, d = np.asarray(pressure, dtype=np.float64), np.asarray(separation, dtype=np.float64)
     if p.shape != d.shape or p.ndim == 0:
@@ -81,8 +62,7 @@ def interfacial_stiffness(pressure: ArrayLike, separation: ArrayLike) -> Array:
 def without_every_second(pressure: ArrayLike, separation: ArrayLike) -> Array:
     """Return K at each state from every second state around it; NaN where fewer than three states are left.
 
-    The difference from `interfacial_stiffness` measures the error by the steps. For differences of second order it is
-    about three times the error.
+    The difference from `interfacial_stiffness` is about three times the error by the steps.
     """
     p, d = np.asarray(pressure, dtype=np.float64), np.asarray(separation, dtype=np.float64)
     stiffness = np.full(p.shape, np.nan)
@@ -107,10 +87,7 @@ def contact_conductance(stiffness: ArrayLike, conductivity: float, length: float
 
 
 def stiffness_exponent(pressure: ArrayLike, stiffness: ArrayLike) -> float:
-    """Return α of K ~ p^α, the slope of the straight line through the logarithms of all states.
-
-    States where p or K is not finite or not positive are left out; NaN with fewer than four states.
-    """
+    """Return α of K ~ p^α, by least squares of the logarithms of all positive states; NaN with fewer than four."""
     p, k = np.asarray(pressure, dtype=np.float64).ravel(), np.asarray(stiffness, dtype=np.float64).ravel()
     held = np.isfinite(p) & np.isfinite(k) & (p > 0.0) & (k > 0.0)
     if np.count_nonzero(held) < OF_EXPONENT or np.ptp(p[held]) == 0.0:

@@ -47,8 +47,7 @@ def stops_percolating(kind: str, state: Void) -> bool:
 def leak_rates(state: Void) -> dict[str, float]:
     """Return the starred leak rates Q 12 μ/(ΔP σ³) along x and y, T* V*³ times width over length of the region.
 
-    Along the loading of one surface every gap falls, and so does the conductance of each element. The flow between two
-    reservoirs then falls as well (Rayleigh's monotonicity law).
+    Along a loading every gap falls, and so does the flow between two reservoirs (Rayleigh's monotonicity law).
     """
     gap = state.gap()
     rows, columns = gap.shape
