@@ -45,8 +45,8 @@ def plan(
 ) -> Plan:
     """Return the cheapest chain that ends at the finest level, with no fewer samples than exist.
 
-    All chains are compared, plain Monte Carlo on the finest level among them. Of chains with nearly the same cost, the
-    longest is taken. ``alone`` are the numbers of surfaces without a solve.
+    Plain Monte Carlo is among the chains. Of chains with nearly the same cost, the longest is taken. ``alone`` are the
+    numbers of surfaces without a solve.
     """
     candidates = []
     for chain in _chains(links, len(costs) - 1):
@@ -85,10 +85,7 @@ def shares_of(links: Sequence[Link]) -> list[float]:
 def optimum(
     shares: Sequence[float], costs: Sequence[float], existing: Sequence[int], half_width: float
 ) -> tuple[int, ...]:
-    """Return the optimal samples of each level of a chain, decreasing from coarse to fine.
-
-    Levels whose optimum is below their existing samples keep these, and the others are allocated anew (Giles 2008).
-    """
+    """Return the optimal samples of each level of a chain, decreasing from coarse to fine, no fewer than exist."""
     allowed = (AIM * half_width / NORMAL) ** 2
     samples, free = list(existing), set(range(len(shares)))
     while free:

@@ -54,20 +54,10 @@ class Request:
 
 
 class Design:
-    """The samples of an ensemble, those of the next round, and the means so far.
+    """The samples of an ensemble (``table``), those of the next round, and the means so far.
 
-    Attributes
-    ----------
-    table : SampleTable
-        All samples.
-    counts : dict
-        Planned number of samples by D and m.
-    estimates : dict
-        Estimates of all means by D, of the last round.
-    rounds : dict
-        By D, for each round: the modelled seconds so far, and the half-width of each mean.
-    stopped : str
-        The reason for an end before the accuracy was reached; else empty.
+    Samples are planned (``counts``) by D and m; estimates are those of the last round by D. ``rounds`` has, by D and
+    round, the modelled seconds so far and the half-width of each mean. ``stopped`` is the reason for an early end.
     """
 
     def __init__(self, study: Study, steps: StepErrors) -> None:
@@ -83,12 +73,8 @@ class Design:
     def next(self, spent: float = 0.0) -> Request | None:
         """Return the samples of the next round after so many seconds; None once the means are accurate enough.
 
-        Raises
-        ------
-        StudyError
-            If a mean has no limit that ``m: auto`` or ``n: auto`` could approach.
-        CampaignError
-            If the accuracy is out of reach.
+        `StudyError` for a mean without a limit under ``m: auto`` or ``n: auto``; `CampaignError` for an accuracy out of
+        reach.
         """
         if self.estimates:
             counts = self._planned(spent)
@@ -102,13 +88,7 @@ class Design:
         return self._request
 
     def add(self, arrays: Mapping[str, Arrays], numbers: Iterable[tuple[float, ...]]) -> None:
-        """Add the stored arrays of the requested cases by id, and `samples.numbers_of` the requested surfaces.
-
-        Raises
-        ------
-        StudyError
-            If a sweep ends before a state.
-        """
+        """Add the stored arrays of the requested cases by id, and `samples.numbers_of` the requested surfaces."""
         for case, row in zip(self._request.surfaces, numbers, strict=True):
             self.table.add_surface(case, row)
         with self.table.study.placing():
@@ -230,10 +210,7 @@ def _goal(estimates: Sequence[MeanEstimate], existing: Sequence[int]) -> list[in
 
 
 def _required(estimate: MeanEstimate, existing: Sequence[int]) -> list[int]:
-    """Return the samples of each level that one estimate requires, at least one more than exist.
-
-    Surfaces without a solve are made before the next round, and may suffice.
-    """
+    """Return the samples of each level that one estimate requires, at least one more than exist."""
     required = list(existing)
     for level, samples in zip(estimate.plan.levels, estimate.plan.samples, strict=True):
         required[level] = max(required[level], samples)

@@ -150,7 +150,7 @@ def _with_reliable_bases(
 ) -> dict[tuple[int, int], Link]:
     """Return links in which a coarsest level of few samples has the variance by regression on coarser levels.
 
-    A variance of ten samples is often too small by chance. The optimal chain would then begin on such a level.
+    A variance of ten samples is often too small by chance, and would attract the optimal chain.
     """
     reliable = dict(links)
     for level, number in enumerate(samples):
@@ -171,8 +171,7 @@ def _bias(values: Sequence[Array], level_means: Sequence[float]) -> float:
 def bias_of(means: Sequence[float], steps: Sequence[float], noise: Sequence[float]) -> float:
     """Return the bias by the resolution from the means, their steps on common seeds, and the noise of each step.
 
-    It is NaN for a mean without a limit. Without a significant step the mean counts as converged, and the bias is that
-    of the noise.
+    NaN for a mean without a limit. Without a significant step the bias is that of the noise.
     """
     size = np.abs(np.asarray(steps, dtype=np.float64))[-WINDOW:]
     spread = np.asarray(noise, dtype=np.float64)[-WINDOW:]

@@ -118,7 +118,6 @@ def links_of(values: Sequence[Array], alone: Array = NONE_ALONE) -> dict[tuple[i
     """Return the links of all pairs (level, parent) that a chain may use; parent -1 where a chain begins.
 
     ``values[l][s]`` is of level l, coarsest first, and seed s; ``alone`` are numbers of surfaces alone, shape (N, k).
-    A parent has all seeds of its level. A level of fewer than `FREE_PARENT` samples is linked to the next coarser only.
     """
     links: dict[tuple[int, int], Link] = {}
     for level, fine in enumerate(values):
@@ -142,9 +141,9 @@ def nearest_chain(links: Mapping[tuple[int, int], Link], level: int) -> tuple[in
 
 
 def level_variance(links: Mapping[tuple[int, int], Link], levels: Sequence[int], alone: Array = NONE_ALONE) -> float:
-    """Return the variance over surfaces on the finest level of a chain, from the samples of all levels.
+    """Return the variance over surfaces on the finest level of a chain from all levels: r_l + g_l·Cov(X)·g_l.
 
-    It is r_l + g_l·Cov(X)·g_l, with r_l = s_l² + b_l² r_parent.
+    Here r_l = s_l² + b_l² r_parent.
     """
     total, parent, used = 0.0, -1, []
     for level in levels:
@@ -239,10 +238,7 @@ def _regression(y: Array, predictors: Array) -> tuple[list[float], float, float,
 
 
 def _summed(terms: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return a sum of variances and its degrees of freedom (Satterthwaite, Biometrics 2 (1946) 110).
-
-    Terms are pairs of a variance and its degrees of freedom.
-    """
+    """Return the sum of pairs of a variance and its degrees of freedom (Satterthwaite, Biometrics 2 (1946) 110)."""
     total = sum(variance for variance, _ in terms)
     if not math.isfinite(total):
         return total, 1.0

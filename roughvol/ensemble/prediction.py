@@ -56,13 +56,7 @@ class Prediction:
         self.cases = self._table.missing({D: dict.fromkeys(self._table.levels, SEEDS) for D in self._table.dimensions})
 
     def expected(self, arrays: Mapping[str, Arrays], numbers: Sequence[tuple[float, ...]]) -> list[Expected]:
-        """Return the expected samples and costs by D; with ``m: auto`` or ``n: auto``, of the first resolution.
-
-        Raises
-        ------
-        StudyError
-            If the sweep of a surface ends before a state, or a quantity has no value there.
-        """
+        """Return the expected samples and costs by D; with ``m: auto`` or ``n: auto``, of the first resolution."""
         for case, row in zip(self.surfaces, numbers, strict=True):
             self._table.add_surface(case, row)
         with self._table.study.placing():

@@ -42,13 +42,7 @@ def trial(study: Study) -> list[Case]:
 
 
 def measured(study: Study, arrays: Mapping[str, Arrays]) -> StepErrors:
-    """Return the errors between steps from the finished cases of `trial`, by id.
-
-    Raises
-    ------
-    StudyError
-        If the sweep of a trial surface ends before a state, or a quantity has no value there.
-    """
+    """Return the errors between steps from the finished cases of `trial`, by id."""
     assert study.ensemble is not None
     targets, every, cases = targets_of(study.ensemble), _every(study), trial(study)
     if not cases:

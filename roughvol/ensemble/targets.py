@@ -90,13 +90,7 @@ def series_of(arrays: Arrays) -> Series:
 
 
 def value_at(series: Series, stored: str, state: Level, case: Case) -> float:
-    """Return a quantity at a state.
-
-    Raises
-    ------
-    StudyError
-        If the sweep ends before the state, or the quantity has no value there.
-    """
+    """Return a quantity at a state; `StudyError` if the sweep ends before, or the quantity has no value there."""
     if stored in CLOSING:
         return _closing_pressure(series, stored, case)
     quantity = series[stored]
