@@ -78,19 +78,7 @@ OnEvent = Callable[[Progress], None]
 
 @dataclass(frozen=True)
 class Control:
-    """Where a run computes, and who follows and stops it; it changes no value.
-
-    Attributes
-    ----------
-    jobs : int, optional
-        Number of processes, ≥ 1. Default: all cores.
-    scheduler : str, optional
-        Address of a Dask scheduler, whose workers compute instead.
-    on_event : callable
-        Called with a `Progress` at every change.
-    stopping : callable
-        Polled. Once it is true, cases begun are finished, and no other begins.
-    """
+    """Where a run computes, and who follows and stops it; it changes no value. The fields are arguments of `run`."""
 
     jobs: int | None = None
     scheduler: str | None = None
@@ -140,16 +128,8 @@ def run_task(task: Task, tell: Callable[[tuple[str, int]], None], stopping: Call
 class Forecast:
     """The work of a run: all, done and left.
 
-    Parameters
-    ----------
-    works : mapping
-        Expected seconds of each case by id, of `ensemble.cost.expected_seconds`. Their ratios alone count.
-    steps : mapping
-        Number of steps of each case by id.
-    later : float
-        Expected seconds of the cases that follow in later batches.
-    clock : callable
-        Seconds.
+    ``works`` has the expected seconds of each case by id, whose ratios alone count, ``steps`` its number of steps.
+    ``later`` are the expected seconds of the cases of later batches. ``clock`` returns seconds.
     """
 
     def __init__(
@@ -186,24 +166,8 @@ class Forecast:
 class Batch:
     """The cases computed now, and their progress.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the run.
-    study : str
-        The study as text.
-    cases : sequence of Case
-        The cases to compute.
-    kept : int
-        Number of cases finished before.
-    control : Control
-        Where to compute.
-    surface : Surface, optional
-        Surface of the first case of the study, if it was read from a file.
-    alone : bool
-        Whether the study has no other case.
-    later : float
-        Expected seconds of the cases that follow in later batches.
+    ``study`` is the study as text, ``kept`` the number of cases finished before, ``surface`` that of the first case, if
+    it was read. ``alone``: the study has no other case. ``later``: expected seconds of later batches.
     """
 
     def __init__(
@@ -277,8 +241,7 @@ class Batch:
     def _processes(self, jobs: int) -> tuple[int, bool]:
         """Return the number of processes, and whether the only one is this process itself.
 
-        It is for ``jobs=1``, for runs so short that processes would take longer to start, and where no case can exhaust
-        the memory.
+        It is for ``jobs=1``, and for runs shorter than the start of processes where no case can exhaust the memory.
         """
         short = self._control.jobs is None and self._expected < SHORT
         processes = 1 if short else min(jobs, len(self._cases))

@@ -29,17 +29,7 @@ FEWEST_NODES = 30  # nodes of a side of the coarsest grid
 
 @dataclass(frozen=True)
 class Planned:
-    """A run of a card.
-
-    Attributes
-    ----------
-    words : str
-        Its difference from the finest run, see `Pressed`.
-    study : Study
-        Its study, which records the state.
-    level : Level
-        The state in this study.
-    """
+    """A run of a card: its difference from the finest run in words, its study, and the state in this study."""
 
     words: str
     study: Study
@@ -67,10 +57,7 @@ def surfaces_of(study: Study) -> dict[str, Study]:
 
 
 def plan(study: Study, at: Level) -> Plan:
-    """Return the runs of a card of one file, or of the seeds of one kind of surface.
-
-    The study has one D and m, or one file. A level with a unit is that of every surface.
-    """
+    """Return the runs of a card of one file, or of the seeds of one D and m; a level with a unit is that of all."""
     surface = study.surface
     problems = []
     if study.ensemble is not None:
@@ -173,19 +160,8 @@ def _changed(
 ) -> Study:
     """Return the study with the records of a card, other keys of its surface, and its starred pressures times a factor.
 
-    Parameters
-    ----------
-    study : Study
-        The study of the card.
-    level : Level
-        The state to record, for the changed surface.
-    keys : mapping
-        Other keys of the section ``surface``.
-    pressures : float
-        Factor of the starred pressures of the sweep and of the fluid. Pressures with a unit are equal already.
-    fine : bool
-        Whether the run is the finest: it has the flow at every step, that of the quadrants half way to the end of the
-        first leg, the gas, and the lifted gap.
+    The factor is for pressures of the sweep and of the fluid. The finest run has the flow at every step, that of the
+    quadrants half way to the end of the first leg, the gas, and the lifted gap.
     """
     data = {"fluid": None, **study.model_dump(mode="json")}
     value = str(level.value) if isinstance(level.value, Quantity) else level.value
@@ -239,28 +215,10 @@ def compute(
     stopping: Callable[[], bool] = lambda: False,
     accept: Callable[[Pressed], None] = lambda fine: None,
 ) -> CardRuns:
-    """Return the runs of a card; finished runs are read.
+    """Return the runs of a card, each in a folder inside ``folder``; finished runs are read.
 
-    Parameters
-    ----------
-    study, at
-        As in `plan`.
-    folder : path
-        Folder of the runs; each has a folder inside.
-    jobs, fresh, on_event, stopping
-        As in `execution.run`.
-    accept : callable
-        Called with the finest run before the others are computed; it may raise.
-
-    Returns
-    -------
-    CardRuns
-        The runs.
-
-    Raises
-    ------
-    StudyError
-        If the study has lists, or as in `plan`.
+    ``accept`` is called with the finest run before the others are computed; it may raise. Other arguments as in `plan`
+    and `execution.run`.
     """
     if study.axes:
         message = "a card shows one combination; allowed: one value in place of each list"

@@ -29,11 +29,6 @@ def surface_of(case: Case) -> Surface:
     -------
     Surface
         The undeformed surface.
-
-    Raises
-    ------
-    SurfaceError, DatasetError
-        If it cannot be made or read.
     """
     if case.file is not None:
         with one_thread():  # levelling sums over all nodes

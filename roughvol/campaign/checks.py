@@ -24,7 +24,7 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
     """Read the height files of a study once, before anything is computed or written.
 
     Libraries in C read netCDF and the formats of instruments. A damaged file may crash or hang them. They read in a
-    process of their own, for a limited time.
+    process apart, for a limited time. A `StudyError` refuses units, regions and functions that cannot be used.
 
     Parameters
     ----------
@@ -37,14 +37,6 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
     -------
     Surface or None
         The surface from the height file; None for generated surfaces.
-
-    Raises
-    ------
-    SurfaceError, DatasetError
-        If the heights cannot be read, or are not a surface.
-    StudyError
-        If the study asks for units it does not define, for regions of too few elements, or for functions that cannot be
-        imported.
     """
     given = study.surface
     with study.placing():

@@ -30,13 +30,7 @@ _one_at_a_time = threading.Lock()  # threads of a Dask worker cannot share netCD
 
 
 def check_address(scheduler: str) -> None:
-    """Refuse an impossible address of a Dask scheduler before a connection is tried.
-
-    Raises
-    ------
-    CampaignError
-        Unless it is ``host:port`` or ``protocol://host:port`` with one of `PROTOCOLS`.
-    """
+    """Refuse an address that is no ``host:port`` or ``protocol://host:port`` with one of `PROTOCOLS`."""
     match = _ADDRESS.fullmatch(scheduler)
     if match is None or not 0 < int(match["port"]) < 1 << 16:
         message = (
@@ -115,10 +109,7 @@ class Cluster:
 
 
 def _connected(address: str) -> Any:
-    """Return a client of a scheduler.
-
-    It connects in a thread: to a server of another kind, as a web server, a client of Dask connects without end.
-    """
+    """Return a client of a scheduler, connected in a thread: a client of Dask tries a web server without end."""
     from distributed import Client
 
     answers: queue.SimpleQueue[Any] = queue.SimpleQueue()

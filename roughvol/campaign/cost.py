@@ -104,25 +104,10 @@ def disk_of(case: Case, shape: Shape) -> float:
 def check_fits(
     missing: Iterable[Case], cases: Iterable[Case], folder: Path, shape: Shape | None = None, *, here: bool = True
 ) -> None:
-    """Refuse a run beyond the memory of this machine, even in one process, or beyond its disk.
+    """Refuse a run whose missing cases exceed the memory of this machine, or whose files exceed its disk.
 
-    Parameters
-    ----------
-    missing, cases : iterables of Case
-        The cases to compute, each with a file, and all cases, which are stored in ``study.nc``.
-    folder : Path
-        Folder of the results.
-    shape : tuple of int, optional
-        Nodes of the surface from height files, if it has been read.
-    here : bool
-        Whether this machine computes; the memory of a cluster is unknown.
-
-    Raises
-    ------
-    ResourceError
-        If a case needs more memory than is available, or the files more disk than is free.
-    CampaignError
-        If the limit of a process on its memory is too small (``ulimit -v``).
+    All cases are stored in ``study.nc`` as well. ``shape`` are the nodes of a surface that has been read. The memory of
+    a cluster is unknown (``here``). `ResourceError`, or `CampaignError` where ``ulimit -v`` is too small.
     """
     computed = [(case, shape_of(case, shape), number) for case, number in _alike(missing)]
     if not computed:

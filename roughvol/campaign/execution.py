@@ -34,7 +34,7 @@ def run(
     only: Collection[str] | None = None,
     made: Collection[Path] = (),
 ) -> Dataset:
-    """Compute the missing cases of a study and return all; `python.run` is the form for users, with its parameters.
+    """Compute the missing cases of a study and return all, as `python.run`.
 
     ``made`` has files of heights written for this run. They are kept beside its results.
     """

@@ -119,8 +119,7 @@ def doubts(study: Study, surface: Surface | None = None) -> list[str]:
 def sentences(study: Study, Sq: Iterable[float], L: float, unit: str | None, *, about: str = "") -> list[str]:
     """Return a sentence for each kind of number that may be meant in another way.
 
-    L and the Sq of the surfaces have one unit, None for an arbitrary one. ``about`` is a word before converted numbers,
-    as "about" where Sq is not that of all surfaces.
+    L and the Sq have one unit, None for an arbitrary one. ``about`` is a word before converted numbers.
     """
     found = [*_hardness(study), *_accuracies(study)]
     heights = [float(height) for height in Sq if height > 0.0]

@@ -24,10 +24,7 @@ def in_notebook() -> bool:
 
 
 def progress() -> OnEvent | None:
-    """Return a function that draws the progress of a run in the cell at work, None outside a notebook.
-
-    Runs of less than `AFTER` seconds draw nothing.
-    """
+    """Return a function that draws runs longer than `AFTER` seconds in the cell at work, None outside a notebook."""
     return Bar() if in_notebook() else None
 
 

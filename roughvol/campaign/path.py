@@ -23,10 +23,7 @@ RANGE = 1e3  # p* of the last step over that of the first, of steps in equal rat
 
 
 def starred(case: Case, surface: Surface) -> Case:
-    """Return a case whose states are starred numbers of its surface.
-
-    The surface is the whole one; its Sq is that of the study, if the study gives one.
-    """
+    """Return a case whose states are starred numbers of its whole surface, at the Sq of the study, if it gives one."""
     if not (case.sweep.has_units or case.record.has_units):
         return case
     area = surface.heights.size * surface.spacing**2
@@ -66,14 +63,8 @@ def _starred(leg: Sweep, of: Callable[[Level], Level]) -> Sweep:
 class Path:
     """The path of a sweep, which has the indentation of each step once the state before is known.
 
-    On an endless surface indentations are the approach Δ'/σ.
-
-    Attributes
-    ----------
-    end : float
-        Δ/σ at the end of the leg begun last.
-    plan : list of float
-        Its steps: Δ/σ, or p* of steps equal in pressure.
+    On an endless surface indentations are the approach Δ'/σ. ``end`` is Δ/σ at the end of the leg begun last, ``plan``
+    the Δ/σ of its steps, or p* of steps equal in pressure.
     """
 
     def __init__(self, case: Case, surface: Surface, half_space: Compliance) -> None:

@@ -84,13 +84,7 @@ class _Run:
 
 
 def surfaces_of(study: Study) -> tuple[Case, ...]:
-    """Return the cases of the ladders: finest m of a study, every D, the first seeds up to `SURFACES` cases.
-
-    Raises
-    ------
-    ContactError
-        If the study has no sweep, or a surface with other sides than free ones.
-    """
+    """Return the cases of the ladders: finest m of a study, every D, the first seeds up to `SURFACES` cases."""
     cases = study.cases()
     finest = max((case.m or 0 for case in cases), default=0)
     cases = tuple(case for case in cases if (case.m or 0) == finest)
@@ -127,10 +121,7 @@ def rungs_of(case: Case) -> list[Rung]:
 
 
 def measure(study: Study, on_rung: Callable[[int, int], None] | None = None) -> Dataset:
-    """Return errors, bounds and costs of every rung on the surfaces of a study; its accuracy has no effect.
-
-    ``on_rung`` is called with the number of finished sweeps and their total.
-    """
+    """Return errors, bounds and costs of every rung on the surfaces of a study; its accuracy has no effect."""
     cases = surfaces_of(study)
     rungs = rungs_of(cases[0])
     values = {name: np.full((len(rungs), len(cases)), np.nan) for name, row in TABLE.items() if row.dims == EACH}

@@ -3,9 +3,9 @@
 Conventions: pressures are over E*, p/E* = p* Sq/L. s = Sdq/2 is the root mean square contact pressure over E* of a
 surface pressed flat (Persson 2001). The limits are rows of `validity.toml`; validity.md argues them and has remedies.
 
-Slopes and p/E* depend on the ratio of heights to L. A file, ``Sq``, or L with a unit gives it. Otherwise heights have
-the unit of L by convention alone, and slope and p/E* are not judged. A hardness is always judged. The rim of a free
-patch is judged in studies with a flow or units and without a region: their patch is a sample of a larger joint.
+Slopes and p/E* depend on the ratio of heights to L. A file, ``Sq``, or L with a unit gives it. Otherwise slope and p/E*
+are not judged. A hardness is always judged. The rim of a free patch is judged in studies with a flow or units and
+without a region: their patch is a sample of a larger joint.
 """
 
 from __future__ import annotations
@@ -135,10 +135,7 @@ def setting(study: Study) -> Setting:
 
 
 def _mean_fluid(study: Study) -> tuple[float, str]:
-    """Return the largest mean of inlet and outlet of the fluids of a study over the ambient [Pa], and both in words.
-
-    The mean is NaN without a fluid.
-    """
+    """Return the largest mean of inlet and outlet of the fluids over the ambient [Pa], else NaN, and both in words."""
     record, means = study.record, list[tuple[float, str]]()
     if record.dimensional is not None and (leak := record.dimensional.leak_rate) is not None:
         drop = in_unit(leak.pressure_drop, "Pa") or 0.0
@@ -162,10 +159,7 @@ def _written(hardness: float | None, unit: str | None) -> str:
 
 @dataclass(frozen=True)
 class _States:
-    """Numbers of a study that are compared with the limits; arrays of states have a row for each case.
-
-    Expected are the end of the sweep alone, by Persson's theory, and no p*.
-    """
+    """Numbers of a study that are compared with the limits; arrays of states have a row for each case."""
 
     expected: bool
     nominal: Array  # pressure p/E*
@@ -183,26 +177,14 @@ class _States:
 
 
 def before(given: Setting, target: Level, *, Sq: float, Sdq: float, L: float, peak: float = math.nan) -> list[Finding]:
-    """Return the limits that a study will probably exceed, with pressures by Persson's theory.
+    """Return the limits that a study will probably exceed at its last state, with pressures by Persson's theory.
 
-    Persson (2001): A* = erf(√2 p/(E* Sdq)). At light load the density of the contact pressure over E* is
-    (p/s²) exp(-p²/(2 s²)) with s = Sdq/2, and its mean √(π/2) s = 0.63 Sdq.
+    Persson (2001): A* = erf(√2 p/(E* Sdq)). At light load the contact pressure over E* has the density
 
-    Parameters
-    ----------
-    given : Setting
-        See `setting`.
-    target : Level
-        Last state of the sweep.
-    Sq, Sdq, L : float
-        Of the roughest surface: Sq and L [one length], Sdq [1]. Unused if ``given.scaled`` is False.
-    peak : float
-        Highest point above the mean plane over Sq.
+        (p/s²) exp(-p²/(2 s²)) with s = Sdq/2, and the mean √(π/2) s = 0.63 Sdq.
 
-    Returns
-    -------
-    list of Finding
-        Expected excesses.
+    Sq, Sdq and L are those of the roughest surface, unused if ``given.scaled`` is False. ``peak`` is its highest point
+    above the mean plane over Sq.
     """
     scale = 0.5 * Sdq if given.scaled else math.nan
     end = _end(target, scale, Sq / L) if given.scaled else math.nan

@@ -52,34 +52,13 @@ def each(
     scheduler: str | None = None,
     here: bool = False,
 ) -> None:
-    """Call ``function(task, tell, stopping)`` for every task in workers, in order.
+    """Call ``function(task, tell, stopping)`` for every task in workers, in order; a function of an importable module.
 
-    Parameters
-    ----------
-    function : callable of an importable module
-        Does one task. Its messages ``tell(message)`` arrive at ``on_message``. Once ``stopping()`` is true, it may end
-        early.
-    tasks : sequence
-        Picklable.
-    jobs : int
-        Number of processes, ≥ 1. On a cluster, the number of its workers counts.
-    on_end, on_begin, on_message : callable
-        Called in this process: with a task, its result, and its exception or None; with a task; with a message.
-    stopping : callable
-        Polled. Once it is true, no further task begins, and those begun are awaited. On a cluster, a task handed over
-        and not begun ends with the result None.
-    scheduler : str, optional
-        Address of a Dask scheduler whose workers are used.
-    here : bool
-        Call the function in this process, one task after the other, unless `in_this_process` decides.
+    Messages ``tell(message)`` arrive at ``on_message``. ``on_end`` is called in this process with a task, its result,
+    and its exception or None. Once ``stopping()`` is true, no further task begins, and those begun are awaited; on a
+    cluster, a task handed over and not begun ends with the result None. ``here`` calls the function in this process,
+    unless `in_this_process` decides. An exception of a callback, or Ctrl-C, ends the workers mid-task.
 
-    Raises
-    ------
-    BaseException
-        Any exception of a callback, and Ctrl-C. The workers are ended first, mid-task.
-
-    Notes
-    -----
     A process that dies costs only its own task. Tasks that ran with it run again, one at a time, to find the one that
     killed it. A task that has killed `LIVES` processes ends with `Lost`; on a cluster, with the exception of Dask.
     """
@@ -172,14 +151,8 @@ def _each_here(
 def in_this_process(here: bool = True) -> Iterator[None]:
     """Let `each` call its function in this process, without workers, as long as the context lasts in this thread.
 
-    Starting a process takes about a second; many short tasks take less. A debugger stops in the tasks.
-    The price: a task that crashes takes the caller with it, and a task sees the state left by earlier ones.
-    A call with ``scheduler`` is not affected.
-
-    Parameters
-    ----------
-    here : bool
-        False: in processes again, inside such a context.
+    Starting a process takes about a second, and a debugger stops in the tasks. A task that crashes takes the caller
+    with it. A call with ``scheduler`` is not affected. ``here=False`` inside such a context: in processes again.
     """
     token = _computes_here.set(here)
     try:
