@@ -106,9 +106,7 @@ def rectangle_displacement(
 ) -> Array:
     """Return the displacement under and around a uniformly loaded rectangle (Love 1929; Johnson, Sec. 3.3).
 
-    u = p / (π E*) Σ± f(x ± a/2, y ± b/2),  f(ξ, η) = ξ asinh(η/|ξ|) + η asinh(ξ/|η|)
-
-    The four corners cancel far away: the relative accuracy is ε (r/a)².
+    u = p / (π E*) Σ± f(x ± a/2, y ± b/2),  f(ξ, η) = ξ asinh(η/|ξ|) + η asinh(ξ/|η|), to a relative ε (r/a)² far away.
     """
     check_positive(a=sides[0], b=sides[1], E_star=E_star)
     x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)

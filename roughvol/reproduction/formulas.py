@@ -21,9 +21,8 @@ def bearing_area_volume(
 
     V* = (1 - A*) ∫_{-∞}^{d/σ} (d/σ - ζ) Φ(ζ) dζ,   Gaussian: (1 - A*) [t Φ(t) + φ(t)], t = d/σ
 
-    The integral counts open points only; the factor (1 - A*) of the paper counts them a second time. It is left out
-    unless ``area_fraction`` is given. ``separation`` is d/σ. ``heights`` are z [length] with their own distribution, or
-    "gaussian".
+    The integral counts open points only, so the factor (1 - A*) of the paper is left out unless ``area_fraction`` is
+    given. ``heights`` are z [length] with their own distribution, or "gaussian".
     """
     t = np.asarray(separation, dtype=np.float64)
     if isinstance(heights, str):
@@ -44,10 +43,7 @@ def bearing_area_volume(
 
 
 def boxes_of_dimension(dimension: ArrayLike, length: float, spacing: float) -> Array:
-    """Return the number of elements in a domain of dimension 𝒟, N(δ) = (l/δ)^𝒟 (Eq. 6; Eq. 5 with r for δ, R for l).
-
-    l = ``length`` is a free parameter, δ = ``spacing`` [length].
-    """
+    """Return N(δ) = (l/δ)^𝒟 elements in a domain of dimension 𝒟, l free (Eq. 6; Eq. 5 with r for δ, R for l)."""
     check_positive(length=length, spacing=spacing)
     return (length / spacing) ** np.asarray(dimension, dtype=np.float64)
 
@@ -69,8 +65,7 @@ def volume_from_dimension(
         weight "width":   w_k = v_{k+1} - v_k          as printed; tends to 0 with growing K
         weight "volume":  w_k = (v_{k+1} + v_k) / 2    the volume of an element in the bin; converges
 
-    Thresholds v_th [length³] do not decrease; ``dimensions`` are those of the domains v ≤ v_th. l = ``length`` is free,
-    δ = ``spacing``, σ = ``Sq`` [length], A_n = ``area`` [length²].
+    Thresholds v_th [length³] do not decrease; ``dimensions`` are those of the domains v ≤ v_th. l is free.
     """
     check_positive(Sq=Sq, area=area)
     if thresholds.shape != dimensions.shape or thresholds.ndim != 1 or thresholds.size < 2:
@@ -98,9 +93,8 @@ def persson_area(mean_pressure: ArrayLike, Sdq: float, *, Sq: float, side: float
 def area_of_pressure(pressure: ArrayLike, slope: float, kappa: float = 2.0) -> Array:
     """Return the area fraction A* = erf(√π κ p/(2 E* h')), with A* ≈ κ p/(E* h') at light load.
 
-    κ = √(8/π) is Persson's theory, erf(√2 p/(E* h')) (Persson 2001, as `persson_area`). κ = 2 gives erf(√π p/(E* h')),
-    the form with the light-load limit of numerical solutions: N. Prodanov, W. B. Dapp & M. H. Müser, Tribology Letters
-    53 (2014) 433-448. ``pressure`` is p/E*, and h' = ``slope``.
+    κ = √(8/π) is Persson's theory (`persson_area`). κ = 2 is the light-load limit of numerical solutions: N. Prodanov,
+    W. B. Dapp & M. H. Müser, Tribology Letters 53 (2014) 433-448. ``pressure`` is p/E*, and h' = ``slope``.
     """
     check_positive(slope=slope, kappa=kappa)
     return np.asarray(erf(0.5 * math.sqrt(math.pi) * kappa / slope * np.asarray(pressure, dtype=np.float64)))
@@ -120,19 +114,16 @@ def westergaard_mean_gap(ratio: ArrayLike) -> Array:
 
 
 def plasticity_index(Sq: float, radius: float, E_star: float, hardness: float) -> float:
-    """Return Greenwood and Williamson's index, ψ = √(σ/ρ) E*/H; asperities yield from ψ = 1 on (Section 2).
+    """Return Greenwood and Williamson's index, ψ = √(σ/ρ) E*/H, ρ the mean radius of the asperities (Section 2).
 
-    σ = ``Sq`` and ρ = ``radius``, the mean radius of curvature of the asperities [length]; H = ``hardness`` [pressure].
+    Asperities yield from ψ = 1 on.
     """
     check_positive(Sq=Sq, radius=radius, E_star=E_star, hardness=hardness)
     return math.sqrt(Sq / radius) * E_star / hardness
 
 
 def critical_radius(Sq: float, E_star: float, hardness: float) -> float:
-    """Return the radius of curvature at which ψ = 1, ρ_c = σ (E*/H)² [length] (Section 2).
-
-    Sharper asperities yield. σ = ``Sq`` [length]; E* = ``E_star`` and H = ``hardness`` [pressure].
-    """
+    """Return the radius of curvature at which ψ = 1, ρ_c = σ (E*/H)² [length] (Section 2). Sharper asperities yield."""
     check_positive(Sq=Sq, E_star=E_star, hardness=hardness)
     return Sq * (E_star / hardness) ** 2
 

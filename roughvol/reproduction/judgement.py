@@ -98,8 +98,7 @@ def judge(stored: Sequence[StoredRun | str | Path], *, any_size: bool = False) -
 def departures(judgement: Judgement, expected: str) -> list[str]:
     """Return in words what left the bands of an expectation.
 
-    ``expected`` is JSON ``{"verdicts": {"4": "holds"}, "numbers": {"4.exponent": [0.35, 0.45]}}``; a number is named by
-    its claim and its key in claims.json, and its value (not its interval) must lie in the band.
+    ``expected`` is JSON ``{"verdicts": {"4": "holds"}, "numbers": {"4.exponent": [0.35, 0.45]}}``, by claim and key.
     """
     try:
         data = json.loads(expected)

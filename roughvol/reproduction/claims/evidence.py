@@ -156,11 +156,9 @@ def claim(
 
 
 def at(x: Array, y: Array, points: Array) -> Array:
-    """Return y of each surface at points of x, NaN beyond the steps of that surface.
+    """Return y of each surface at points of x, by straight lines between steps, NaN beyond them.
 
-    Lines are straight between steps: several steps near first touch have one A*, with another V* each.
-
-    ``x``, ``y`` : (surfaces, steps), x rising or falling along a row; the result is (surfaces, points).
+    ``x`` rises or falls along (surfaces, steps); the result is (surfaces, points).
     """
     return np.array(
         [at_state(abscissa, ordinate, points, straight=True) for abscissa, ordinate in zip(x, y, strict=True)]
@@ -184,8 +182,7 @@ def slopes_of_area(curves: Mapping[Key, tuple[Array, Array]]) -> tuple[dict[Key,
     """Return A*/p* of every surface by key, and the pressure up to which it is taken: the rule of Fig. 4b.
 
     Slope of the least-squares line through the origin over 0 < p* ≤ limit. The limit is the largest pressure that all
-    surfaces reach. Where some begin later it is the largest of the first pressures, so that each has a step below it.
-    ``curves`` are (p*, A*), arrays of shape (surfaces, steps), NaN where a state is missing.
+    surfaces reach, or the largest of their first pressures. ``curves`` are (p*, A*), (surfaces, steps), NaN if missing.
     """
     limit = min(float(np.nanmax(p, axis=1).min()) for p, _ in curves.values())
     limit = max(limit, *(float(np.nanmin(p, axis=1).max()) for p, _ in curves.values()))

@@ -25,8 +25,8 @@ FEWEST = 5  # states that a class needs
 class Ratio:
     """An estimate over the transmissivity computed, at the states of one run with A* in a class, x and y together.
 
-    ``span`` holds 90 % of the states; ``doubled`` is the share of states at which the two differ by more than a factor
-    of two; ``closed`` counts the states at which the estimate lets fluid through and the gap does not, or the reverse.
+    ``span`` holds 90 % of the states, ``doubled`` is the share of those off by more than a factor of two; ``closed``
+    counts the states at which one of both is closed.
     """
 
     run: str

@@ -59,10 +59,7 @@ class ManySeeds(NamedTuple):
 
 
 def many_seeds(evidence: Evidence) -> ManySeeds:
-    """Return the scatter of few surfaces, drawn from the run with the most.
-
-    Sets of ten are drawn without repetition from all, 5000 times, with a fixed seed.
-    """
+    """Return the scatter of one and ten surfaces, in 5000 draws of fixed seed from the run with the most surfaces."""
     evidence.best(ENOUGH)
     runs = [run for run in evidence.fit(ENOUGH) if run.seeds >= 3 * FEW]
     require(runs, f"a run of {3 * FEW} surfaces or more")

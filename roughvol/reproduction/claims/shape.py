@@ -167,10 +167,7 @@ def state_of_boxes(run: Run) -> tuple[float, int, str]:
 
 
 def fitted_dimension(r: Index, counts: Array) -> Array:
-    """Return the box dimension: minus the slope of log N over log r for r = 1 … 2^m/4, along the last axis.
-
-    The two largest boxes are left out: with at most four of them N is 1 to 4 for every domain.
-    """
+    """Return the box dimension, the slope of -log N over log r for r = 1 … 2^m/4: larger boxes are four at most."""
     used = r <= max(r[-1] // 4, 2)
     logs = np.log(np.where(counts > 0, counts, np.nan))[..., used]
     return np.apply_along_axis(lambda row: -slope(np.log(r[used]), row), -1, logs)

@@ -42,10 +42,7 @@ def ratio(key: str, name: str, values: ArrayLike) -> Number:
 
 
 def bootstrap(key: str, name: str, statistic: Callable[[Index], float], n: int) -> Number:
-    """Return a statistic of all n surfaces with its percentile interval over resamples of the surfaces.
-
-    ``statistic`` takes the numbers of the surfaces drawn (with repetition), shape (n,); one surface has no interval.
-    """
+    """Return a statistic of n surfaces, given by their numbers (n,), with its percentile interval over resamples."""
     value = statistic(np.arange(n))
     if n < 2:
         return Number(key, name, value, value, value, n)

@@ -29,10 +29,7 @@ VERDICTS = (HOLDS, QUALIFIED, FAILS, ABSENT)
 
 @dataclass(frozen=True)
 class Number:
-    """A computed number with its 95 % interval over n surfaces; low = high = value where there is one surface.
-
-    ``key`` names it within its claim (for machines and for `--check`), ``name`` says in words what it is.
-    """
+    """A computed number with its 95 % interval over n surfaces; low = high = value where there is one surface."""
 
     key: str
     name: str
@@ -97,11 +94,9 @@ class Check:
 
 @dataclass(frozen=True)
 class Claim:
-    """A sentence of the paper beside the computed numbers.
+    """A sentence of the paper beside the computed numbers, the method, and one sentence (``why``) with the verdict.
 
-    ``source`` names the runs that were used, ``refused`` those that were not, each with its reason. ``method`` says how
-    the numbers and the criteria were chosen, ``why`` is the one sentence that goes with the verdict, ``lacking`` names
-    what the datasets did not have.
+    ``source`` names the runs that were used, ``refused`` the others with reasons, ``lacking`` what no run had.
     """
 
     id: int
@@ -146,10 +141,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Row:
-    """One reading of an ambiguous passage: what was computed under it, and whether that is the paper's number.
-
-    ``agrees`` is None where the paper gives no number to compare with.
-    """
+    """One reading of an ambiguous passage, and whether its number is the paper's; None where the paper has none."""
 
     reading: str
     number: Number

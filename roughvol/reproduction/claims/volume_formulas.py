@@ -114,10 +114,7 @@ def close(number: Number) -> bool:
 
 
 def estimates(state: Field, kind: str, weight: str) -> list[float]:
-    """Return V* of Eqs. 7 to 10 for each K of `BINS`, on the elements that the box counting keeps.
-
-    ``kind`` is "mean" (mean local dimension, log N(1)/log 2^m) or "fit" (least squares over all r).
-    """
+    """Return V* of Eqs. 7 to 10 for each K of `BINS`: mean local dimension, log N(1)/log 2^m, or a "fit" over all r."""
     side = 1 << (min(state.volumes.shape).bit_length() - 1)
     spacing = state.numbers["spacing"]
     volumes, contact = state.volumes[:side, :side], state.contact[:side, :side]

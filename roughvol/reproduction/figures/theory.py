@@ -60,10 +60,7 @@ def _noted(fig: Drawing, *runs: Run) -> Drawing:
 
 
 def theory_separation(evidence: Evidence) -> Drawing:
-    """V* against d/σ: the computed mean, V* = d/σ, V* = d/σ + 0.9464 p* (a uniformly loaded specimen), and Eq. 4.
-
-    Dotted: the bearing area of Gaussian heights, the volume under a rigid plane. What lies above it is elastic.
-    """
+    """V* against d/σ: the computed mean, V* = d/σ, V* = d/σ + 0.9464 p* (a uniformly loaded specimen), and Eq. 4."""
     run = evidence.best(Needs((V, P, D_SIGMA), end=END))
     m, ends = max(run.m), list(dict.fromkeys((run.D[0], run.D[-1])))
     fig, ax = axes()
@@ -85,10 +82,7 @@ def theory_separation(evidence: Evidence) -> Drawing:
 
 
 def theory_bearing(evidence: Evidence) -> Drawing:
-    """V* against A*: computed, and Eq. 4 along the same loading, with and without its factor 1 - A*.
-
-    Eq. 4 is evaluated at the computed d/σ and A*, for Gaussian heights and for the heights of the surfaces.
-    """
+    """V* against A*: computed, and Eq. 4 along the same loading, with and without its factor 1 - A*."""
     run = evidence.best(Needs((V, A, D_SIGMA), D=(PAPER_D,), end=END))
     m = max(run.m)
     separation, area, volume = (run.values(name, D=PAPER_D, m=m) for name in (D_SIGMA, A, V))
@@ -113,11 +107,7 @@ def theory_bearing(evidence: Evidence) -> Drawing:
 
 
 def theory_bins(evidence: Evidence) -> Drawing:
-    """V* of Eqs. 7 to 10 from the box dimensions of one field, against the number K of bins.
-
-    As printed (each element counted at the width of its bin) the sum falls as 1/K; counted at the volume of the bin
-    it converges to the computed V* (dashed).
-    """
+    """V* of Eqs. 7 to 10 from the box dimensions of one field, against the number K of bins."""
     run = evidence.best(Needs(("gap",)))
     state = shape.field(run)
     fig, ax = axes()
@@ -133,10 +123,7 @@ def theory_bins(evidence: Evidence) -> Drawing:
 
 
 def theory_dimension(evidence: Evidence) -> Drawing:
-    """Show the box dimension of the contact against pressure (left) and A* (right), by D: every surface and state.
-
-    At equal pressure it rises with p* and falls with D. At equal area the difference between D is smaller, but there.
-    """
+    """Show the box dimension of the contact against pressure (left) and A* (right), by D: every surface and state."""
     run = evidence.best(Needs(("box_count",), by="D"))
     m = max(run.m)
     labels = run.dataset["box_at"].values.tolist()
@@ -176,11 +163,7 @@ def theory_persson(evidence: Evidence) -> Drawing:
 
 
 def theory_start(evidence: Evidence) -> Drawing:
-    """Show the start of contact: p* against Δ/σ, one element (p = Δ/H₀), and Hertz on the highest summit.
-
-    Until a second element touches, the computed points lie on the line of one element: the lattice does not resolve
-    the tip, whose radius (mean curvature of the highest node) is below the spacing.
-    """
+    """Show the start of contact: p* against Δ/σ, one element (p = Δ/H₀), and Hertz on the highest summit."""
     runs = evidence.fit(Needs((P, "indentation"), end="indentation"))
     require(runs, "a sweep to a small indentation")
     run = runs[0]
@@ -212,10 +195,7 @@ def theory_start(evidence: Evidence) -> Drawing:
 
 
 def readings_exponent(evidence: Evidence) -> Drawing:
-    """A*/p* against the spacing under both readings of the midpoint law, for every surface, with the fitted exponents.
-
-    The default (standard deviation divided) has the paper's exponent; the printed variance has nearly twice that.
-    """
+    """A*/p* against the spacing under both readings of the midpoint law, with the fitted exponents."""
     fig, ax = axes()
     used_runs: list[Run] = []
     for law, look in zip(("std", "variance"), looks(2), strict=True):
@@ -240,10 +220,7 @@ def readings_exponent(evidence: Evidence) -> Drawing:
 
 
 def readings_fulcrum(evidence: Evidence) -> Drawing:
-    """Show how much the mean f(v) spreads over D at each v under each reading: a fulcrum would be a zero.
-
-    The paper sees it at v = 1 (dotted).
-    """
+    """Show how much the mean f(v) spreads over D at each v under each reading: a fulcrum would be a zero."""
     fig, ax = axes()
     sources = (
         ("std", "mean-plane", "default"),
@@ -290,10 +267,7 @@ def full_contact(evidence: Evidence) -> Drawing:
 
 
 def volume_by_m(evidence: Evidence) -> Drawing:
-    """V* on the mean plane against m: as a mean over the elements, and as the literal sum V/(L²σ).
-
-    The decay of the literal sum is the factor (1 + 2^-m)², the elements that stick out of L².
-    """
+    """V* on the mean plane against m: as a mean over the elements, and as the literal sum V/(L²σ)."""
     run = evidence.best(Needs((V,), by="m", D=(PAPER_D,), end=END))
     values = np.array([run.last(V, D=PAPER_D, m=m) for m in run.m])
     factor = np.array([[(1.0 + 2.0**-m) ** 2] for m in run.m])
@@ -308,10 +282,7 @@ def volume_by_m(evidence: Evidence) -> Drawing:
 
 
 def shift(evidence: Evidence) -> Drawing:
-    """Mean volume of the open elements against m, with a shift per m of 0.602 (area of an element) and of D log₁₀ 2.
-
-    The thin lines are single surfaces; the paper's numbers are 8 at m = 6 and 2 at m = 7 (crosses).
-    """
+    """Mean volume of the open elements against m, with a shift per m of 0.602 (area of an element) and of D log₁₀ 2."""
     run = evidence.best(Needs((density.F, density.EDGES), by="m", D=(PAPER_D,), end=END))
     means = np.array([volume for volume, _, _ in density.moments(run, PAPER_D).values()])
     fig, ax = axes()
@@ -330,10 +301,7 @@ def shift(evidence: Evidence) -> Drawing:
 
 
 def seeds(evidence: Evidence) -> Drawing:
-    """How far few surfaces can mislead: single surfaces (bars) and means of ten (line), out of all of a run.
-
-    Left the exponent of A*/p*, right V* at d = 0 of the smallest and the next D, which single surfaces confuse.
-    """
+    """How far few surfaces can mislead: single surfaces (bars) and means of ten (line), out of all of a run."""
     runs = [run for run in evidence.fit(Needs((A, P, V), by="m", end=END)) if run.seeds >= 3 * FEW]
     require(runs, f"a run of {3 * FEW} surfaces and several m")
     run = max(runs, key=lambda run: run.seeds)
