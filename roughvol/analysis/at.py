@@ -74,23 +74,10 @@ def _is_stored(level: Level) -> bool:
 
 
 def place_of(values: Array, value: float, slack: float, *, between: bool = True) -> float | None:
-    """Return where on its path a surface reaches a value first, None if no two steps enclose it.
+    """Return the position on the axis ``step`` where a surface first reaches a value, None if no two steps enclose it.
 
-    Parameters
-    ----------
-    values : array (steps,)
-        The quantity at each step; NaN where none was solved.
-    value : float
-        Its value.
-    slack : float
-        Distance within which a step has the value.
-    between : bool
-        Whether places between two steps count.
-
-    Returns
-    -------
-    float or None
-        Position on the axis ``step``, from 0; 2.25 lies a quarter of the way from the third to the fourth.
+    Positions count from 0: 2.25 lies a quarter of the way from the third to the fourth step. ``values`` is NaN where no
+    step was solved. A step has the value within ``slack``. Without ``between`` only steps count.
     """
     solved = np.flatnonzero(np.isfinite(values)).tolist()
     for k in solved:
@@ -104,22 +91,7 @@ def place_of(values: Array, value: float, slack: float, *, between: bool = True)
 
 
 def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
-    """Return the numbers of surfaces at places on their paths, without ``step``.
-
-    Parameters
-    ----------
-    group : Dataset
-        Surfaces along ``seed`` and states along ``step``.
-    seeds : list of int
-        Surfaces, by their place along ``seed``.
-    places : list of float
-        Position of each on the axis ``step``, from 0.
-
-    Returns
-    -------
-    Dataset
-        Numbers along ``seed``.
-    """
+    """Return the numbers along ``seed`` of surfaces, by index, at positions on the axis ``step``."""
     rows = np.array(seeds, dtype=int)
     low, high = np.floor(places).astype(int), np.ceil(places).astype(int)
     between_steps = np.array(places) - low
@@ -157,19 +129,9 @@ def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
 class State:
     """A state of the surfaces that share a row.
 
-    Attributes
-    ----------
-    label : str
-        The state in words.
-    data : Dataset
-        Its numbers along ``seed``: the surfaces that reach it, then the surfaces that closed before. A closed surface
-        has flows of 0 and no other number.
-    surfaces : int
-        Number of all surfaces.
-    closed : int
-        Number of the surfaces in ``data`` that closed before the state.
-    recorded : str
-        Label that the state has where a study records it, as ``pressure=0.5, leg 2``.
+    ``data`` has the numbers along ``seed``: the surfaces that reach the state, then the ``closed`` surfaces that closed
+    before. ``surfaces`` counts all surfaces. ``recorded`` is the label under which a study records the state, as
+    ``pressure=0.5, leg 2``.
     """
 
     label: str
@@ -196,27 +158,10 @@ def legs_of(group: Dataset) -> list[int]:
 
 
 def at(run: Run, group: Dataset, level: Level) -> State:
-    """Return the surfaces of a group at a level.
+    """Return the surfaces of a group that reach a level or closed before; a `DatasetError` if there are none.
 
-    Parameters
-    ----------
-    run : Run
-        Their run, which has the units and the ends of its legs.
-    group : Dataset
-        Surfaces along ``seed``, of `derived.groups`.
-    level : Level
-        The level, of `study.parse`. Without a leg: the first leg on which any surface reaches it; of ``last``, the
-        last leg.
-
-    Returns
-    -------
-    State
-        The surfaces that reach the level, and those that closed before. Its label names the leg of a path of several.
-
-    Raises
-    ------
-    DatasetError
-        If no surface reaches the level or closes before, or the level has a unit and the run has none.
+    A level without a leg is on the first leg on which any surface reaches it; ``last`` is on the last leg. The label of
+    the state names the leg of a path of several. A level with a unit needs a run with units.
     """
     legs = legs_of(group)
     if level.leg is not None and level.leg not in legs:
@@ -360,10 +305,7 @@ def _take(data: Dataset, own: dict[str, Array], group: Dataset, reached: list[in
 
 
 def _close(data: Dataset, reached: int, shut: Array) -> None:
-    """Give the surfaces beyond the end of a closed sweep no flow along closed axes, and no other number.
-
-    Under fluid pressure the dry flows alone are known: the fluid may open the way again.
-    """
+    """Give the surfaces beyond the end of a closed sweep the flow 0 along closed axes, and no other number."""
     for name, variable in list(data.data_vars.items()):
         if variable.dtype.kind == "b":
             data[name] = ("seed", np.where(np.arange(variable.size) < reached, variable.values, False), variable.attrs)
@@ -377,10 +319,7 @@ def _close(data: Dataset, reached: int, shut: Array) -> None:
 
 
 def _leak(run: Run, part: Dataset, k: int, level: Level) -> tuple[Array, float]:
-    """Return the leak rate of a surface at each step, the larger along both axes if none is named, and that asked for.
-
-    Both are in the unit of the level.
-    """
+    """Return the leak rate at each step (without an axis the larger) and at the level, in the unit of the level."""
     assert level.value is not None
     unit = level.value.unit if isinstance(level.value, Quantity) else ""
     axes = list(level.kind.removeprefix(LEAK).strip("_") or AXES)

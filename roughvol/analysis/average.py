@@ -23,19 +23,7 @@ IN_WORDS = "median and 16-84 % range over the surfaces, closed surfaces counted 
 
 @dataclass(frozen=True)
 class Average:
-    """The number of several surfaces.
-
-    Attributes
-    ----------
-    value : float
-        Median of a flow, else mean; NaN without a value.
-    low, high : float
-        Ends of the 16 to 84 % range over surfaces.
-    count : int
-        Number of surfaces with a value.
-    surfaces : int
-        Number of all surfaces.
-    """
+    """The number of several surfaces, NaN without a value, its range, the number of values, and of all surfaces."""
 
     value: float
     low: float
@@ -62,20 +50,7 @@ def average(name: str, values: ArrayLike) -> Average:
 
 
 def averages(surfaces: Dataset, over: str = "seed") -> Dataset:
-    """Return the numbers of several surfaces for every variable along a dimension.
-
-    Parameters
-    ----------
-    surfaces : Dataset
-        Numbers of the surfaces, as `at` returns them.
-    over : str
-        Dimension of the surfaces.
-
-    Returns
-    -------
-    Dataset
-        Each variable without ``over``, beside ``<name>_range`` along ``bound`` (lower, upper) and ``<name>_count``.
-    """
+    """Return each variable without a dimension, beside ``<name>_range`` along ``bound`` and ``<name>_count``."""
     found: dict[str, DataArray] = {}
     for key, variable in surfaces.data_vars.items():
         name = str(key)

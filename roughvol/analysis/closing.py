@@ -21,15 +21,9 @@ SOLVED = "closing_pressure"
 
 @dataclass(frozen=True)
 class Span:
-    """The loads between which the last way along an axis of a surface closes.
+    """The loads between which the last way along an axis of a surface closes; equal loads where the closing is solved.
 
-    Attributes
-    ----------
-    open_up_to : float
-        Largest load of a state with an open way; 0 if no state has an open way.
-    closed_from : float
-        Load of the next state; infinite if the way is open at the last state. Where the closing is solved, both are
-        its load.
+    ``open_up_to`` is 0 if no state has an open way. ``closed_from`` is infinite if the way is open at the last state.
     """
 
     open_up_to: float
@@ -52,22 +46,10 @@ def load_of(group: Dataset) -> str:
 
 
 def spans(group: Dataset, axis: str, load: str = "") -> list[Span]:
-    """Return where the last way along an axis of each surface closes.
+    """Return where the last way along an axis of each surface closes; empty where the ways are not followed.
 
-    Parameters
-    ----------
-    group : Dataset
-        Surfaces along ``seed`` and states along ``step`` of one loading leg, with the ways of `derived.derived`. Under
-        fluid pressure the ways are those of the dry gap.
-    axis : {"x", "y"}
-        Direction of the way.
-    load : str
-        Variable of the load. Default: that of `load_of`.
-
-    Returns
-    -------
-    list of Span
-        Spans of the surfaces with a computed state, in their order; empty where the ways are not followed.
+    ``group`` is one loading leg with the ways of `derived.derived`; under fluid pressure they are those of the dry gap.
+    Surfaces without a computed state are left out. Default of ``load``: the variable of `load_of`.
     """
     if not (name := ways(group)):
         return []

@@ -40,23 +40,14 @@ CARDS = 4  # largest number of leak cards for the errors of a history
 
 @dataclass(frozen=True, eq=False)
 class OverSurfaces:
-    """The leak of several surfaces along one axis, at each time.
+    """The leak of several surfaces along one axis, in the unit of the study: arrays over the times.
 
-    Attributes
-    ----------
-    value : array (n,)
-        Median over the surfaces in the unit of the study, closed ones counted as 0. The leak of a surface between its
-        last open step and the first closed one is on the straight line to 0.
-    low, high : array (n,)
-        Interval of the reading, or with the errors of leak cards; NaN where an error is not known.
-    least, most : array (n,)
-        16 to 84 % range over the surfaces.
-    open, closing : array of int (n,)
-        Number of surfaces before their first closed step, and of those beyond their last open step.
-    surfaces : int
-        Number of surfaces.
-    is_closing : array of bool (n,)
-        Whether the reading lies between 0 and the last open step.
+    - ``value``: median over the surfaces; closed surfaces count as 0
+    - ``low``, ``high``: interval of the reading, or with the errors of leak cards; NaN where an error is not known
+    - ``least``, ``most``: 16 to 84 % range over the surfaces
+    - ``open``: number of surfaces before their first closed step
+    - ``closing``: number of open surfaces beyond their last open step; their leak is on the straight line to 0
+    - ``is_closing``: whether the reading lies between 0 and the last open step
     """
 
     value: Array
@@ -72,28 +63,14 @@ class OverSurfaces:
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """A seal over time.
+    """A seal over time, in the units of the study: arrays over ``seconds`` under load.
 
-    Attributes
-    ----------
-    seconds : array (n,)
-        Time under load [s].
-    ratio : array (n,)
-        J(t)/J(0) of the contact.
-    equivalent : array (n,)
-        Nominal pressure of the same p* at the modulus of the study, p J(t)/J(0), in the unit of the study.
-    area : array (n,)
-        A*, mean over the surfaces whose sweep reaches the state; NaN if none does.
-    leak : dict of OverSurfaces
-        Leak by axis.
-    pressure : float
-        Nominal pressure in the unit of the study.
-    pressure_unit, leak_unit : str
-        Units.
-    body : str
-        Which body creeps, in words.
-    has_errors : bool
-        Whether the intervals have the errors of leak cards.
+    - ``ratio``: J(t)/J(0) of the contact
+    - ``equivalent``: nominal pressure of the same p* at the modulus of the study, p J(t)/J(0)
+    - ``area``: A*, mean over the surfaces whose sweep reaches the state; NaN if none does
+    - ``leak``: leak by axis
+    - ``body``: the body that creeps, in words
+    - ``has_errors``: whether the intervals have the errors of leak cards
     """
 
     seconds: Array
@@ -108,10 +85,7 @@ class History:
     has_errors: bool = False
 
     def plain(self) -> dict[str, Any]:
-        """Return the numbers as ``creep --json`` prints them; None where a number is not known.
-
-        Load and units; for each time the contact, and the leak of each axis with its intervals and counts.
-        """
+        """Return the numbers as ``creep --json`` prints them; None where a number is not known."""
         rows = []
         for k, time in enumerate(self.seconds):
             ways = [
@@ -146,29 +120,11 @@ class History:
 
 
 def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float]) -> History:
-    """Return the leak over time at a constant nominal pressure; nothing is solved.
+    """Return the leak at times [s] under a constant nominal pressure in the unit of the study; nothing is solved.
 
-    Parameters
-    ----------
-    run : Dataset
-        A study with leak rates and nominal pressures; its modulus is that at once.
-    law : Creep
-        Creep law.
-    pressure : float
-        Nominal pressure in the unit of the study.
-    seconds : sequence of float
-        Times [s].
-
-    Returns
-    -------
-    History
-        Leak and contact at the times.
-
-    Raises
-    ------
-    StudyError
-        If the run has no leak rates, yields, has a fluid pressure that lifts the gap, or its contact area falls; if
-        the law does not fit the bodies of the study; or if a time needs states beyond the sweep.
+    The modulus of the study is that at once. A `StudyError` refuses a run without leak rates, with yield, with a gap
+    that fluid pressure lifts or with a contact area that falls, a law that does not fit the bodies of the study, and a
+    time whose state lies beyond the sweep.
     """
     check(run)
     if "plastic_volume" in run:

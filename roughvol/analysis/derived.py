@@ -22,20 +22,7 @@ CONDUCTIVITY = "W/m/K"
 
 
 def derived(ds: Dataset, study: Study | None) -> Dataset:
-    """Return a dataset with mean gap, nominal pressure, open ways, stiffness, and the leak that counts.
-
-    Parameters
-    ----------
-    ds : Dataset
-        A study with states.
-    study : Study or None
-        Its study.
-
-    Returns
-    -------
-    Dataset
-        The same with further variables.
-    """
+    """Return a dataset with mean gap, nominal pressure, open ways, stiffness, and the leak that counts."""
     found = _stiffness(ds, study)
     if "mean_gap" not in ds and {"Sq", V} <= set(ds):
         gap = ds[V] * ds["Sq"]

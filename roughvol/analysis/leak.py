@@ -44,19 +44,10 @@ def is_lifted(ds: Dataset) -> bool:
 
 
 def counted(ds: Dataset) -> Dataset:
-    """Return a run whose flows are those that count.
+    """Return a run whose flows are those that count; without fluid pressure the run itself.
 
-    Parameters
-    ----------
-    ds : Dataset
-        A stored run, or a part of it.
-
-    Returns
-    -------
-    Dataset
-        The run itself without fluid pressure. With it, flows of the dry gap are named ``…_dry``; ``leak_rate``
-        (mm³/s and the like) or ``flow`` (T* V*³, without units) has the lifted leak at the steps whose load is
-        that of a recorded state, and is missing elsewhere.
+    Under fluid pressure flows of the dry gap are named ``…_dry``. ``leak_rate``, or without units ``flow`` (T* V*³),
+    has the lifted leak at the steps whose load is that of a recorded state, and is missing elsewhere.
     """
     if STATE not in ds.dims:
         return ds

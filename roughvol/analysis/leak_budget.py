@@ -64,10 +64,7 @@ NO_COARSER = "no coarser grid has enough nodes for the surface"
 
 @dataclass(frozen=True, eq=False)
 class _Loaded:
-    """One surface of a run at the load of a card.
-
-    ``of_leak`` and ``of_load`` turn its leak and loads into those to compare with the finest grid.
-    """
+    """One surface of a run at the load of a card; ``of_leak``, ``of_load`` make it comparable with the finest grid."""
 
     name: str
     run: Run
@@ -118,10 +115,7 @@ class _Loaded:
         return Closing(tuple(scaled), "" if unit == "1" else unit)
 
     def curve(self, axis: str) -> PchipInterpolator | None:
-        """Return the logarithm of the leak over that of the load on the first leg, see `curve_of`.
-
-        Under fluid pressure it is the leak of the dry gap.
-        """
+        """Return the logarithm of the leak, under fluid pressure of the dry gap, on the first leg, see `curve_of`."""
         table = first_leg(self.table).isel(seed=0)
         dry = "_dry" if is_lifted(self.table) else ""
         if f"transmissivity{dry}" not in table:
@@ -212,18 +206,7 @@ def _leg(table: Dataset, level: Level) -> int:
 
 
 def check_reached(fine: Pressed) -> None:
-    """Refuse a run without a surface that is pressed to the load of a card.
-
-    Parameters
-    ----------
-    fine : Pressed
-        The finest run of a card.
-
-    Raises
-    ------
-    DatasetError
-        With the loads of the run.
-    """
+    """Refuse a run without a surface that is pressed to the load of a card; the message has the loads of the run."""
     if all(one.state is None for one in _loaded(fine)):
         run = Run.of(SWEEP, fine.dataset)
         for _, group in groups(derived(run.dataset, run.study)):
@@ -233,27 +216,7 @@ def check_reached(fine: Pressed) -> None:
 
 
 def card_of(runs: Sequence[CardRuns], name: str, load: str) -> Card:
-    """Return the card of one surface or of several.
-
-    Parameters
-    ----------
-    runs : sequence of CardRuns
-        The runs of each height file, or those of generated surfaces.
-    name : str
-        Title: the name of the study.
-    load : str
-        The load in words.
-
-    Returns
-    -------
-    Card
-        Leak, error budget and closing loads along x and y.
-
-    Raises
-    ------
-    DatasetError
-        If no surface is pressed to the load.
-    """
+    """Return the card of one surface or of several, from the runs of each height file or of generated surfaces."""
     fine = [surface for one in runs for surface in _loaded(one.fine)]
     if all(one.state is None for one in fine):
         check_reached(runs[0].fine)

@@ -23,18 +23,10 @@ from roughvol.study import convert
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the error of a leak or of a closing load.
+    """A part of the error of a leak or of a closing load: its source, its size, and in words how it was found.
 
-    Attributes
-    ----------
-    name : str
-        Source of the error.
-    factor : float
-        The number may be as many times larger, ≥ 1; infinite or NaN where it is not known.
-    words : str
-        How it was found.
-    smaller : float
-        The number may be as many times smaller; infinite where it may be 0. Default: as many times as larger.
+    The number may be ``factor`` times larger: ≥ 1, infinite or NaN where it is not known. It may be ``smaller`` times
+    smaller: infinite where it may be 0, by default ``factor``.
     """
 
     name: str
@@ -53,18 +45,7 @@ class Part:
 
 
 def together(parts: Sequence[Part]) -> tuple[float, float]:
-    """Return how many times smaller and larger a number may be by all parts; NaN if a part is not known.
-
-    Parameters
-    ----------
-    parts : sequence of Part
-        Independent parts of an error.
-
-    Returns
-    -------
-    (float, float)
-        Their logarithms added in squares, downwards and upwards.
-    """
+    """Return how many times smaller and larger a number may be by all parts; NaN if a part is not known."""
     if not parts or not all(part.known for part in parts):
         return math.nan, math.nan
     sides = ([math.log(part.smaller) for part in parts], [math.log(part.factor) for part in parts])
@@ -74,16 +55,9 @@ def together(parts: Sequence[Part]) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Closing:
-    """The loads at which the last way of several surfaces closes.
+    """The loads at which the last way of several surfaces closes, in ``unit`` (empty for p*).
 
-    Attributes
-    ----------
-    spans : tuple of Span
-        Loads of the surfaces whose way is followed.
-    unit : str
-        Unit of the loads; empty for p*.
-    parts : tuple of Part
-        Error budget of the mean load; empty where none was made.
+    ``spans`` are those of the surfaces whose way is followed. ``parts`` is the error budget of the mean load.
     """
 
     spans: tuple[Span, ...]
@@ -147,18 +121,7 @@ class Closing:
         return f"{self.load(low).removesuffix(f' {self.unit}')} and {self.load(high).removeprefix('p* = ')}"
 
     def load(self, value: float) -> str:
-        """Return a load in words.
-
-        Parameters
-        ----------
-        value : float
-            The load in `unit`.
-
-        Returns
-        -------
-        str
-            As ``0.5 MPa`` or ``p* = 0.3``.
-        """
+        """Return a load in ``unit`` in words, as ``0.5 MPa`` or ``p* = 0.3``."""
         return f"{number(value)} {self.unit}" if self.unit else f"p* = {number(value)}"
 
 
@@ -171,26 +134,14 @@ def _ends(spans: tuple[Span, ...]) -> tuple[float, float]:
 class Way:
     """The leak along one axis.
 
-    Attributes
-    ----------
-    axis : str
-        x or y.
-    leak : Average
-        Leak in `unit`: that of one surface, or the median over surfaces with its 16 to 84 % range; 0 where closed.
-    open : int
-        Number of surfaces with an open way.
-    unit : str
-        Unit of the study, or empty for T* V*³.
-    closing : Closing
-        Where the last way closes; under fluid pressure that of the dry gap.
-    coarser : tuple of (str, Closing)
-        The same on coarser grids, after the words of the grid.
-    last_open : str
-        Leak and load of the last open step of a surface that is closed at the load of the card, in words.
-    parts : tuple of Part
-        Error budget of the leak; of a closed way that of its closing load.
-    at_most : float
-        Largest leak of a closed way: that at the far end of the interval of its closing load.
+    - ``leak``: the leak of one surface, or the median over surfaces with its 16 to 84 % range; 0 where closed
+    - ``open``: number of surfaces with an open way
+    - ``unit``: unit of the study, or empty for T* V*³
+    - ``closing``: where the last way closes; under fluid pressure that of the dry gap
+    - ``coarser``: closings on coarser grids, after the words of the grid
+    - ``last_open``: last open step of a surface that is closed at the load of the card: leak and load, in words
+    - ``parts``: error budget of the leak; of a closed way that of its closing load
+    - ``at_most``: largest leak of a closed way: that at the far end of the interval of its closing load
     """
 
     axis: str
@@ -224,17 +175,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Beside:
-    """A leak that stands beside the leak that counts: of the dry gap, or of a gas.
-
-    Attributes
-    ----------
-    words : str
-        Kind of the leak.
-    leaks : tuple of Average
-        Along x and y.
-    unit : str
-        Their unit, empty for T* V*³.
-    """
+    """A leak beside the leak that counts, of the dry gap or of a gas, along x and y; ``unit`` is empty for T* V*³."""
 
     words: str
     leaks: tuple[Average, ...]
@@ -243,26 +184,12 @@ class Beside:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceAtLoad:
-    """One surface of a card.
+    """One surface of a card: its height file, or D, m and seed.
 
-    Attributes
-    ----------
-    name : str
-        Height file, or D, m and seed.
-    Sq, Sdq : float
-        Root mean square height [unit of length] and slope.
-    mean_pressure, nominal_pressure : float
-        Load: p*, and with its unit; NaN where unknown.
-    contact_area, free_volume : float
-        A* and V*.
-    leaks : tuple of float
-        Along x and y in the unit of the card; NaN where the sweep does not reach the load.
-    closings : tuple of Closing
-        Along x and y.
-    table : Dataset
-        Its run: states along ``step``, recorded fields.
-    recorded : str
-        Label of the state among the recorded states.
+    ``Sq`` is the root mean square height [unit of length], ``Sdq`` the slope. Loads are p* and the nominal pressure,
+    NaN where unknown. Leaks along x and y are in the unit of the card, NaN where the sweep does not reach the load.
+    ``table`` has the states of its run along ``step`` and the recorded fields, ``recorded`` the label of the state
+    there.
     """
 
     name: str
@@ -280,34 +207,18 @@ class SurfaceAtLoad:
 
 @dataclass(frozen=True)
 class SealLeak:
-    """The leak of a seal made of patches, and the load that closes it.
+    """The leak of a seal made of patches, and the load that closes it; a number is NaN where it is not known.
 
-    Attributes
-    ----------
-    label : str
-        Length and width in words.
-    flow : str
-        Axis along which the fluid flows.
-    patches : (int, int)
-        Patches in a row along the flow, and side by side.
-    leak : float
-        Leak in `unit`; NaN where no surface is pressed to the load.
-    interval : (float, float)
-        Smallest and largest leak; NaN where it is not known. From 0 where a patch is closed.
-    unit : str
-        Unit of the study, or empty for T* V*³ times length over width.
-    parts : tuple of Part
-        Error budget.
-    closing : float
-        Load above which the seal is tight, in `load_unit`; NaN where a patch does not close within its sweep.
-    closing_interval : (float, float)
-        Its interval; NaN where it is not known.
-    load_unit : str
-        Unit of nominal pressure; empty for p*.
-    words : tuple of str
-        How it was found, and what is missing.
-    closing_parts : tuple of Part
-        Error budget of `closing`.
+    - ``label``: length and width in words
+    - ``flow``: axis along which the fluid flows
+    - ``patches``: patches in a row along the flow, and side by side
+    - ``leak``, ``interval``: leak, and the smallest and largest leak, from 0 where a patch is closed
+    - ``unit``: unit of the study, or empty for T* V*³ times length over width
+    - ``closing``, ``closing_interval``: load above which the seal is tight; NaN where a patch does not close in its
+      sweep
+    - ``load_unit``: unit of nominal pressure; empty for p*
+    - ``parts``, ``closing_parts``: error budgets of the leak and of the closing load
+    - ``words``: how the leak was found, and what is missing
     """
 
     label: str
@@ -334,13 +245,7 @@ class SealLeak:
         return together(self.parts)[0]
 
     def plain(self) -> dict[str, Any]:
-        """Return the seal as plain data; pressures in MPa, None where a number is not known.
-
-        Returns
-        -------
-        dict
-            Keys ``leak``, ``tight_above`` and their intervals.
-        """
+        """Return ``leak``, ``tight_above`` and their intervals as plain data: pressures in MPa, None where unknown."""
         to_mpa = convert(1.0, self.load_unit, "MPa") if self.load_unit else math.nan
         return {
             "leak": _known(self.leak),
@@ -352,28 +257,10 @@ class SealLeak:
 
 @dataclass(frozen=True, eq=False)
 class Card:
-    """A leak card.
+    """A leak card; units are empty where the study has none.
 
-    Attributes
-    ----------
-    title : str
-        Name of the study.
-    load : str
-        The load in words, as ``pressure=0.5 MPa, leg 2``.
-    surfaces : tuple of SurfaceAtLoad
-        Its surfaces.
-    pressure_unit, length_unit : str
-        Units of nominal pressures and lengths; empty where the study has none.
-    ways : tuple of Way
-        The leak along x and y.
-    beside : tuple of Beside
-        Other leaks.
-    lifted : bool
-        Whether fluid pressure lifts the gap.
-    warnings : tuple of str
-        Limits of the model that the runs exceed.
-    seal : SealLeak or None
-        The seal of the study.
+    ``load`` is in words, as ``pressure=0.5 MPa, leg 2``. ``lifted`` is whether fluid pressure lifts the gap.
+    ``warnings`` are limits of the model that the runs exceed.
     """
 
     title: str
@@ -388,44 +275,17 @@ class Card:
     seal: SealLeak | None = None
 
     def loads(self, name: str) -> list[float]:
-        """Return a load of the surfaces that reach the load of the card.
-
-        Parameters
-        ----------
-        name : {"mean_pressure", "nominal_pressure"}
-            Attribute of `SurfaceAtLoad`.
-
-        Returns
-        -------
-        list of float
-            Known loads.
-        """
+        """Return the known ``mean_pressure`` or ``nominal_pressure`` of surfaces that reach the load of the card."""
         return [load for one in self.surfaces if math.isfinite(load := getattr(one, name))]
 
     def mean(self, name: str) -> float:
-        """Return the mean of a number over the surfaces.
-
-        Parameters
-        ----------
-        name : str
-            Attribute of `SurfaceAtLoad`, as ``mean_pressure``.
-
-        Returns
-        -------
-        float
-            Mean over the surfaces that have a value; NaN without one.
-        """
+        """Return the mean of an attribute of `SurfaceAtLoad` over the surfaces that have a value; NaN without one."""
         return average(name, [getattr(surface, name) for surface in self.surfaces]).value
 
     def plain(self) -> dict[str, Any]:
-        """Return the card as plain data for JSON; None where a number is not known.
+        """Return the card as plain data for JSON: pressures in MPa, None where a number is not known.
 
-        Pressures are in MPa. Under fluid pressure the closing is not known.
-
-        Returns
-        -------
-        dict
-            Keys ``surfaces``, ``load``, ``ways``, and ``seal`` if the study has one.
+        Under fluid pressure the closing is not known.
         """
         to_mpa = convert(1.0, self.pressure_unit, "MPa") if self.pressure_unit else math.nan
         ways = []

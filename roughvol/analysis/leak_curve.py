@@ -41,14 +41,9 @@ ENDLESS = 1e150  # load in the place of infinity
 
 @dataclass(frozen=True)
 class Reading:
-    """Leaks at loads, each with the interval of its reading.
+    """Leaks at loads in the unit of the study, 0 from the first closed step on, each with the interval of its reading.
 
-    Attributes
-    ----------
-    value : array (n,)
-        Leak in the unit of the study; 0 from the first closed step on.
-    low, high : array (n,)
-        Ends of the interval. NaN before the first step, and beyond the last step of an open way.
+    The interval is NaN before the first step, and beyond the last step of an open way.
     """
 
     value: Array
@@ -74,20 +69,10 @@ class LoadReading:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """The leak of one surface along the first leg of a sweep.
+    """The leak of one surface, by its file or seed, along the first leg of a sweep: arrays over the steps.
 
-    Attributes
-    ----------
-    surface : str
-        Name of the surface: its file, or its seed.
-    pressure : array (steps,)
-        Nominal pressure in the unit of the study, rising.
-    leak : array (steps,)
-        Leak in the unit of the study; 0 where closed.
-    starred : array (steps,)
-        p*.
-    Sq : float
-        Root mean square height in the unit of length of the study.
+    The nominal pressure rises, the leak is 0 where closed, ``starred`` is p*. Pressure, leak and ``Sq`` have the units
+    of the study.
     """
 
     surface: str
@@ -114,18 +99,7 @@ class Curve:
         return math.inf if self.closing.closes else float(self.pressure[-1])
 
     def at(self, pressures: Array) -> Reading:
-        """Return the leaks at nominal pressures.
-
-        Parameters
-        ----------
-        pressures : array (n,)
-            Nominal pressures in the unit of the study, > 0.
-
-        Returns
-        -------
-        Reading
-            Leaks and their intervals.
-        """
+        """Return the leaks and their intervals at nominal pressures > 0 in the unit of the study."""
         logs = np.log(pressures)
         value, low, high = (np.full(len(logs), np.nan) for _ in range(3))
         open_up_to, closed_from = self.closing.open_up_to, self.closing.closed_from
@@ -286,18 +260,7 @@ def _of_seal(run: Dataset, patch: Patch) -> Curve:
 
 
 def surfaces(run: Dataset) -> list[tuple[str, Dataset]]:
-    """Return the surfaces of a run by their names, along the first leg.
-
-    Parameters
-    ----------
-    run : Dataset
-        A study of surfaces of one kind: at one D, one m, and one value of each list.
-
-    Returns
-    -------
-    list of (str, Dataset)
-        Label of the file, or the seed; numbers along ``step``.
-    """
+    """Return the surfaces of a run at one D, one m and one value of each list, by file or seed, along the first leg."""
     one = run.squeeze([name for name in LISTED if name in run.dims])
     found = []
     for label, group in groups(first_leg(one)):

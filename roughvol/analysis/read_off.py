@@ -46,18 +46,8 @@ AROUND = 5  # loads of a study that narrows an answer, along each axis
 class Errors:
     """The errors of a leak card along one axis, or of its seal, as factors of the leak and of the closing load.
 
-    Attributes
-    ----------
-    parts : tuple of Part
-        Error budget of the leak.
-    leak : (float, float)
-        Smallest and largest leak over the leak; NaN where they are not known.
-    closing_parts : tuple of Part
-        Error budget of the closing load.
-    closing : (float, float)
-        Smallest and largest closing load over the closing load; NaN where they are not known.
-    solved : tuple of Span
-        Closing loads of the surfaces.
+    ``leak`` and ``closing`` are the smallest and the largest number over the number; NaN where they are not known.
+    ``solved`` has the closing loads of the surfaces.
     """
 
     parts: tuple[Part, ...]
@@ -87,31 +77,16 @@ def _factors(value: float, ends: tuple[float, float]) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Answer:
-    """The value along one axis, and its interval.
+    """The value along one axis, and its interval, in ``unit`` of the study.
 
-    Attributes
-    ----------
-    axis : str
-        x or y.
-    value : float
-        Largest pressure of any surface, or smallest modulus or Sq; in `unit`. A pressure is infinite where the stored
-        loads do not suffice, and 0 where the first step leaks less; modulus and Sq are 0 and infinite there.
-    low, high : float
-        Interval of the reading. Of a way that closes: the last open step and the first closed one.
-    unit : str
-        Unit of the study.
-    nominal : LoadReading
-        Pressure p₀ of the same p* at the E* and Sq of the study.
-    times : float
-        Value over the E* or Sq of the study; 1 for a pressure.
-    between : tuple of float
-        p* of the two steps around the value.
-    surface : str
-        Surface that decides: the leakiest one.
-    surfaces : int
-        Number of surfaces.
-    budget : Errors or None
-        The errors of a leak card that are in the interval.
+    - ``value``: largest pressure of any surface, or smallest modulus or Sq. A pressure is infinite where the stored
+      loads do not suffice, and 0 where the first step leaks less; modulus and Sq are 0 and infinite there.
+    - ``low``, ``high``: interval of the reading; of a way that closes, the last open step and the first closed one
+    - ``nominal``: pressure p₀ of the same p* at the E* and Sq of the study
+    - ``times``: value over the E* or Sq of the study; 1 for a pressure
+    - ``between``: p* of the two steps around the value
+    - ``surface``: the leakiest surface, which decides
+    - ``budget``: errors of a leak card that are in the interval
     """
 
     axis: str
@@ -154,29 +129,9 @@ def ask(
 ) -> list[Answer]:
     """Return where the leak of the leakiest surface falls to a value, along x and y; nothing is solved.
 
-    Parameters
-    ----------
-    run : Dataset
-        A study with transmissivities along its steps, ``nominal_pressure`` and leak rates.
-    largest : float
-        Leak in the unit of the stored leak rates.
-    unknown : {"pressure", "modulus", "Sq"}
-        Quantity to find.
-    pressure : float, optional
-        Nominal pressure in the unit of the study, for modulus and Sq.
-    errors : mapping, optional
-        Errors of cards by axis, which the intervals have.
-
-    Returns
-    -------
-    list of Answer
-        One for each axis.
-
-    Raises
-    ------
-    StudyError
-        If the quantity is unknown, a pressure is missing, the surface yields, the run has no leak rates, several D or
-        m, or a fluid pressure that lifts the gap.
+    ``largest`` has the unit of the stored leak rates, ``pressure`` (for modulus and Sq) that of the study. ``errors``
+    are those of cards by axis, which the intervals then have. A `StudyError` refuses an unknown quantity, a missing
+    pressure, a surface that yields, and the runs that `check` refuses.
     """
     check(run)
     _check_unknown(run, unknown, pressure)
@@ -233,18 +188,7 @@ def ask_closed(
 def check(run: Dataset, *, leaks: bool = True) -> None:
     """Refuse a run whose leak is known at recorded states alone, lacks leak rates, or is of several kinds of surfaces.
 
-    Parameters
-    ----------
-    run : Dataset
-        A study.
-    leaks : bool
-        Whether leak rates and pressures are needed.
-
-    Raises
-    ------
-    StudyError
-        If a fluid pressure lifts the gap, nothing was pressed, leak rates or pressures are missing, or the run has
-        several D, m, or values of a list.
+    Leak rates and pressures are needed with ``leaks`` alone. A run without steps is refused as well.
     """
     if leak.is_lifted(run):
         refuse(

@@ -60,15 +60,7 @@ MOST = 700.0  # logarithm of a factor, so that its exponential is finite
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number of a seal, from that of its patches.
-
-    Attributes
-    ----------
-    value : float
-        Median over draws.
-    low, high : float
-        Interval; from 0 where a patch is closed, NaN where it is not known.
-    """
+    """A number of a seal: median over draws, with its interval, from 0 where a patch is closed, NaN where not known."""
 
     value: float
     low: float
@@ -93,10 +85,7 @@ class Estimate:
 def is_isotropic(scans: Sequence[Array]) -> bool:
     """Return whether patches are alike along x and y: the mean logarithm of their ratio within two standard errors.
 
-    Parameters
-    ----------
-    scans : sequence of ndarray, shape (numbers, 2)
-        Numbers of each scan along two axes, as at several loads. Closed ones (0) and NaN are left out.
+    A scan has numbers along two axes, shape (numbers, 2), as at several loads. Closed ones (0) and NaN are left out.
     """
     logs = (np.log(one[(one > 0.0).all(axis=1)]) for one in scans)
     ratios = np.array([np.mean(one[:, 0] - one[:, 1]) for one in logs if len(one)])
@@ -117,16 +106,9 @@ def is_representative(heights: Sequence[Surface]) -> bool:
 def conductance_of(values: Array, patches: tuple[int, int], *, isotropic: bool, draws: int = DRAWS) -> Estimate:
     """Return the sheet conductance of a seal.
 
-    Parameters
-    ----------
-    values : ndarray, shape (scans, windows, 2)
-        Sheet conductances ≥ 0 of patches along and across the flow.
-    patches : (int, int)
-        Patches in a row along the flow, and side by side.
-    isotropic : bool
-        Whether both numbers of a patch are drawn for both directions.
-    draws : int
-        Number of sheets.
+    ``values``, shape (scans, windows, 2), are conductances ≥ 0 of patches along and across the flow. ``patches`` are
+    those in a row along the flow, and side by side. With ``isotropic``, both numbers of a patch are drawn for both
+    directions.
     """
     from roughvol.gap import sheet  # the solver of a flow is imported for seals alone
 
@@ -136,16 +118,7 @@ def conductance_of(values: Array, patches: tuple[int, int], *, isotropic: bool, 
 def of_one_map(whole: Array, quadrants: Array, patches: tuple[int, int], *, isotropic: bool) -> Estimate:
     """Return the sheet conductance of a seal that is one map repeated, with the interval of its quadrants.
 
-    Parameters
-    ----------
-    whole : ndarray, shape (2,)
-        Conductances of the map along and across the flow.
-    quadrants : ndarray, shape (4, 2)
-        Those of its quadrants.
-    patches : (int, int)
-        Maps in a row along the flow, and side by side.
-    isotropic : bool
-        Whether both numbers of a quadrant are drawn for both directions.
+    ``whole``, shape (2,), and ``quadrants``, shape (4, 2), are conductances along and across the flow.
     """
     value, (n, m) = float(whole[0]), patches
     found = conductance_of(quadrants[:, np.newaxis], (2 * n, 2 * m), isotropic=isotropic)
@@ -170,23 +143,9 @@ def drawn(
     draws: int = DRAWS,
     seed: int = 0,
 ) -> Array:
-    """Return a number of sheets whose patches are drawn from pools.
+    """Return a number of sheets, shape (draws,), whose patches are drawn from pools along and across the flow.
 
-    Parameters
-    ----------
-    along, across : ndarray
-        Numbers of the patches along and across the flow.
-    patches : (int, int)
-        Patches in a row, and side by side.
-    of, together : callable
-        Number of a sheet, as `sheet.closing`, and that of rings side by side, as `numpy.max`.
-    draws, seed : int
-        Number of sheets, and the start of their random numbers.
-
-    Returns
-    -------
-    ndarray, shape (draws,)
-        The number of each sheet.
+    ``of`` is the number of a sheet, as `sheet.closing`; ``together`` that of rings side by side, as `numpy.max`.
     """
     n, m = patches
     if n > ROW:
@@ -247,18 +206,9 @@ def _of_few(values: Array, isotropic: bool) -> float:
 
 @dataclass(frozen=True)
 class Patch:
-    """The patch that a run observes, as a part of the seal of its study.
+    """The patch that a run observes, with sides along x and y, as a part of the seal of its study.
 
-    Attributes
-    ----------
-    seal : Seal
-        The seal.
-    sides : (float, float)
-        Sides of the patch along x and y.
-    unit : str or None
-        Unit of the sides.
-    aspect : float
-        Width over length of the flow along x, as leaks have it.
+    ``aspect`` is width over length of the flow along x, as leaks have it.
     """
 
     seal: Seal
@@ -314,16 +264,7 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
 
     States without a leak of the seal stay as they are: of a study without a seal, of a seal smaller than its patches,
     and of patches in a row that fluid pressure lifts by different pressures. A leak at a step of surfaces that differ
-    in their load there is missing.
-
-    Parameters
-    ----------
-    study : Study or None
-        Their study.
-    surfaces : Dataset
-        All steps of surfaces along ``seed``, which show whether x and y differ.
-    states : Dataset
-        Leaks along ``seed`` and ``axis``, and along ``step`` of several states.
+    in their load there is missing. All steps, ``surfaces``, show whether x and y differ.
     """
     try:
         patch = Patch.of(study, surfaces)
@@ -380,18 +321,8 @@ def leak_of(
 ) -> tuple[Estimate, tuple[Part, ...], tuple[str, ...]]:
     """Return the leak of a seal, the parts of its error, and how it was found in words.
 
-    Parameters
-    ----------
-    patch : Patch
-        Size of the maps, and the seal.
-    maps : ndarray, shape (scans, 2)
-        Conductances of the maps along and across the flow, in the unit of the leak.
-    quadrants : ndarray, shape (4, 2), optional
-        Conductances of the quadrants of the only map.
-    isotropic, representative : bool
-        As by `is_isotropic` and `is_representative`.
-    shared : sequence of Part
-        Errors that all patches share.
+    ``maps``, shape (scans, 2), are conductances of the maps along and across the flow in the unit of the leak.
+    ``quadrants``, shape (4, 2), are those of the only map. ``shared`` are the errors that all patches share.
     """
     n, m = patch.patches
     if not len(maps):
