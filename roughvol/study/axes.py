@@ -55,17 +55,7 @@ Label = float | str
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis of a study.
-
-    Attributes
-    ----------
-    name : str
-        Of `AXES`.
-    labels : tuple of float or str
-        Its coordinate.
-    unit : str or None
-        Unit of the labels.
-    """
+    """An axis of a study: a name of `AXES`, the labels of its coordinate, and their unit."""
 
     name: str
     labels: tuple[Label, ...]
@@ -82,17 +72,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Variant(Generic[S]):
-    """One combination of the lists of a study.
-
-    Attributes
-    ----------
-    labels : mapping of str to float or str
-        Label on each axis.
-    words : str
-        The combination in words, as ``E = 5 MPa, nu = 0.5``.
-    study : Study
-        The study without lists.
-    """
+    """One combination of the lists of a study: labels by axis, words as ``E = 5 MPa, nu = 0.5``, and its study."""
 
     labels: Mapping[str, Label]
     words: str
@@ -147,17 +127,8 @@ def _along(combinations: Sequence[T], sizes: Sequence[int]) -> list[list[T]]:
 def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> tuple[tuple[Axis, ...], list[S]]:
     """Return the axes of plain data with lists, and the studies of all combinations, the last axis fastest.
 
-    Parameters
-    ----------
-    data : dict
-        Plain data with lists.
-    read_one : callable
-        Plain data without lists ↦ study.
-
-    Raises
-    ------
-    ValidationError
-        With the problems of all combinations, each once; if a list is empty, or there are too many combinations.
+    ``read_one`` makes the study of plain data without lists. A `ValidationError` has the problems of all combinations,
+    each once. Empty lists and too many combinations are problems.
     """
     items = lists(data)
     for name, values in items.items():

@@ -13,23 +13,11 @@ from roughvol.study.plain_data import KeyPath, key_text, show, write
 def renamed(
     data: dict[str, Any], problems: dict[KeyPath, str], changed: Collection[KeyPath] = (), *, written: bool = False
 ) -> list[Problem]:
-    """Give former keys of plain data their new names, in place.
+    """Give former keys of plain data their new names, in place, and return what to warn of.
 
-    Parameters
-    ----------
-    data : dict
-        Plain data of a study.
-    problems : dict
-        Problems by key path. Keys that are refused are added.
-    changed : collection of key paths
-        Keys that replace others of the data, also under their new names.
-    written : bool
-        The data are those of a run, in the keys of the version that wrote them: words that left are left out.
-
-    Returns
-    -------
-    list of Problem
-        What to warn of.
+    Refused keys are added to ``problems``. ``changed`` are keys that replace others of the data, also under their new
+    names. With ``written``, the data are those of a run, in the keys of the version that wrote them: words that left
+    are left out.
     """
     said = []
     for row in spellings.of("key"):

@@ -214,12 +214,7 @@ class _Dumper(yaml.SafeDumper):
 class Arguments:
     """The arguments of a call from Python, for messages: each stands for a part of a study.
 
-    Attributes
-    ----------
-    call : str
-        Name of the function.
-    names : mapping of str to str
-        Argument for a key, as "E" for "material.E"; the empty key is the study.
+    ``names`` has the argument for a key, as "E" for "material.E"; the empty key is the study.
     """
 
     call: str

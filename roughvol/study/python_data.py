@@ -78,11 +78,6 @@ def text_of_value(value: Any, name: str) -> Any:
     -------
     str or list of str
         As ``10 MPa``.
-
-    Raises
-    ------
-    StudyError
-        If the value is none of them.
     """
     problems: dict[KeyPath, str] = {}
     data = plain(value, problems)
@@ -107,11 +102,6 @@ def changes_of(changes: Changes) -> tuple[str, ...]:
     -------
     tuple of str
         As ``surface.m=6``.
-
-    Raises
-    ------
-    StudyError
-        If a value is no plain data.
     """
     if isinstance(changes, str):
         return (changes,)

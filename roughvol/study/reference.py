@@ -13,20 +13,9 @@ from roughvol.study.study import json_schema
 
 @dataclass(frozen=True)
 class Key:
-    """A key of a study file.
+    """A key of a study file, as ``surface.file``, with its allowed values and its meaning in words.
 
-    Attributes
-    ----------
-    path : str
-        As ``surface.file``.
-    values : str
-        Allowed values in words.
-    default : str or None
-        Default as in a study; None where the key must be given.
-    description : str
-        Its meaning.
-    form : str
-        Which form of its mapping it belongs to, where there are several.
+    ``default`` is as in a study; None where the key must be given. ``form`` is the form of its mapping, of several.
     """
 
     path: str

@@ -94,12 +94,8 @@ class Study(StudyFile):
     def cases(self) -> tuple[Case, ...]:
         """Return the product over D, m and seeds, seeds fastest; each height file is one case.
 
-        Combinations of lists follow each other. A case that several share appears once.
-
-        Raises
-        ------
-        StudyError
-            If a height file cannot be read, or lacks a size or unit that the study does not give.
+        Combinations of lists follow each other. A case that several share appears once. A height file that cannot be
+        read, or lacks a size or unit that the study does not give, is a `StudyError`.
         """
         if self._axes:
             each = (case for variant in self.variants for case in variant.study.cases())
@@ -151,18 +147,7 @@ class Study(StudyFile):
         return tuple(found)
 
     def kernel(self, unit: str | None = None) -> NamedKernel:
-        """Return the kernel of the contact.
-
-        Parameters
-        ----------
-        unit : str, optional
-            Unit of its lengths. Default: those of the study.
-
-        Returns
-        -------
-        NamedKernel
-            Kernel of the material if it has a length, else that of the solver.
-        """
+        """Return the kernel of the material if it has a length, else of the solver; its lengths are in ``unit``."""
         return self.material.kernel(self.solver.kernel, unit) or NamedKernel(self.solver.kernel)
 
     @property
@@ -193,23 +178,7 @@ class Study(StudyFile):
         return self._first.of_seed(D, m, seed)
 
     def changed(self, **keys: Any) -> Study:
-        """Return this study with other values of keys.
-
-        Parameters
-        ----------
-        **keys : object
-            Values by key, as ``**{"surface.m": 7}``; None for the default of a key.
-
-        Returns
-        -------
-        Study
-            The changed study, checked as a file.
-
-        Raises
-        ------
-        StudyError
-            With all problems of the changed study.
-        """
+        """Return this study with other keys, as ``**{"surface.m": 7}``, checked as a file; None is the default."""
         data, problems = _given(self.model_dump(mode="json")), dict[KeyPath, str]()
         for key, value in keys.items():
             path = key_path(key)

@@ -50,15 +50,7 @@ Problems = Iterator[tuple[KeyPath, str]]
 
 @dataclass(frozen=True)
 class Rule:
-    """A rule across sections.
-
-    Attributes
-    ----------
-    reads : tuple of key paths
-        Keys without which the rule would find false problems.
-    problems : callable
-        Study ↦ place and message of each problem.
-    """
+    """A rule across sections: the keys that it needs, and study ↦ place and message of each problem."""
 
     reads: tuple[KeyPath, ...]
     problems: Callable[[Any], Problems]

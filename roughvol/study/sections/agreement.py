@@ -28,20 +28,9 @@ LONGEST, FINEST = 0.1, 1e-11  # m; largest width and smallest spacing of a rough
 
 @dataclass(frozen=True)
 class Measured:
-    """Measured heights with size, units and treatment resolved.
+    """Measured heights with size, units and treatment resolved, and doubts for the user.
 
-    Attributes
-    ----------
-    L : float
-        Length of the first axis as pressed, after crop and resampling.
-    length_unit : str or None
-        Unit of all lengths.
-    bodies : tuple of Body
-        One or two bodies with the units of their heights.
-    treatment : Treatment
-        Treatment of each body.
-    notes : tuple of str
-        Doubts for the user.
+    ``L`` is the length of the first axis as pressed, after crop and resampling; ``length_unit`` is that of all lengths.
     """
 
     L: float

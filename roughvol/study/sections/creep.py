@@ -111,42 +111,17 @@ class Creep(Strict):
         return self
 
     def ratio(self, seconds: float, material: ContactModulus | YoungPoisson) -> float:
-        """Return the compliance 1/E* of the contact over that at once.
+        """Return the compliance 1/E* of the contact after a time under load [s] over that at once.
 
-        Parameters
-        ----------
-        seconds : float
-            Time under load [s], ≥ 0.
-        material : ContactModulus or YoungPoisson
-            Of the study; its modulus belongs to J(0).
-
-        Returns
-        -------
-        float
-            The ratio, ≥ 1 but for moduli above that of the study: J(t)/J(0) of one body, or of E*; with a second body
-            1 + share (J(t)/J(0) - 1), where the share of 1/E* is that of the body that creeps.
-
-        Raises
-        ------
-        StudyError
-            If a table does not hold the time, moduli cannot be compared, or `body` does not fit the material.
+        It is J(t)/J(0) of one body, or of E*. With a second body it is 1 + share (J(t)/J(0) - 1), where the share of
+        1/E* is that of the body that creeps. It is ≥ 1 but for moduli above that of the study. A `StudyError`: a table
+        does not hold the time, moduli cannot be compared, or ``body`` does not fit the material.
         """
         share = self._share(material)
         return 1.0 + share * (self._of_body(seconds, material) - 1.0)
 
     def words(self, material: ContactModulus | YoungPoisson) -> str:
-        """Return which body creeps, and its share of the compliance of the contact.
-
-        Parameters
-        ----------
-        material : ContactModulus or YoungPoisson
-            Of the study.
-
-        Returns
-        -------
-        str
-            As ``the first body (E, nu) creeps, 0.62 of 1/E*``.
-        """
+        """Return which body creeps and its share, as ``the first body (E, nu) creeps, 0.62 of 1/E*``."""
         share = self._share(material)
         if isinstance(material, ContactModulus):
             return f"{share:.3g} of 1/E* creeps" if share < 1.0 else "all of 1/E* creeps"
@@ -229,11 +204,6 @@ def load_creep(given: str | Path | Mapping[str, Any]) -> Creep:
     -------
     Creep
         The law.
-
-    Raises
-    ------
-    StudyError
-        If it cannot be read, or is no creep law.
     """
     reading = Reading("a creep law is a mapping (key: value) with one of prony, power, table")
     problems: dict[KeyPath, str] = {}
@@ -275,11 +245,6 @@ def read_times(times: Any) -> list[float]:
     -------
     list of float
         Times [s], rising; four each decade of a range, with its ends.
-
-    Raises
-    ------
-    StudyError
-        If they are no times, or do not rise.
     """
     listed = text_of_value(times, "times")
     text = ", ".join(listed) if isinstance(listed, list) else listed

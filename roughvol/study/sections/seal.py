@@ -33,15 +33,7 @@ class Seal(Strict):
         return f"{self.length} by {self.width}"
 
     def patches(self, sides: tuple[float, float], unit: str | None) -> tuple[int, int]:
-        """Return the number of patches in a row along the flow, and side by side.
-
-        Parameters
-        ----------
-        sides : (float, float)
-            Sides of a patch along x and y.
-        unit : str or None
-            Unit of the sides; that of the seal for None.
-        """
+        """Return the number of patches in a row along the flow, and side by side, from their sides along x and y."""
         along, across = sides if self.flow == "x" else sides[::-1]
         return (
             max(1, round(in_unit(self.width, unit) / along)),
@@ -53,20 +45,7 @@ class Seal(Strict):
         return float(in_unit(self.length, unit)) / float(in_unit(self.width, unit))
 
     def check(self, sides: tuple[float, float], unit: str | None) -> None:
-        """Refuse a seal that is smaller than its patches, or has a unit where they have none.
-
-        Parameters
-        ----------
-        sides : (float, float)
-            Sides of a patch along x and y.
-        unit : str or None
-            Their unit.
-
-        Raises
-        ------
-        StudyError
-            With the keys of the section.
-        """
+        """Refuse a seal that is smaller than its patches, or has a unit where they have none."""
         if problems := [Problem(message, f"seal.{key}") for key, message in self.problems(sides, unit)]:
             raise StudyError(problems)
 

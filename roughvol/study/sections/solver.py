@@ -47,15 +47,7 @@ PeriodicKernel = Literal["fourier"]
 
 @dataclass(frozen=True)
 class NamedKernel:
-    """A kernel of `contact.kernels` by its name, with what it is made of.
-
-    Attributes
-    ----------
-    name : str
-        Name of the kernel.
-    lengths : pairs of name and length in the unit of L.
-    numbers : pairs of name and number without a unit.
-    """
+    """A kernel of `contact.kernels` by its name, with its lengths in the unit of L and its numbers without a unit."""
 
     name: str
     lengths: tuple[tuple[str, float], ...] = ()

@@ -132,7 +132,7 @@ def _spelled(data: Any) -> Any:
 def _misplaced(levels: Sequence[Any], *, either: bool) -> tuple[int | None, str] | None:
     """Return the place of the first listed level out of order, and the rule it breaks; None if all are in order.
 
-    The place is None where only some levels have a unit. ``either``: the levels may also unload.
+    The place is None where only some levels have a unit. With ``either`` the levels may also unload.
     """
     values, units = [level.value for level in levels], [unit_of(level.value) for level in levels]
     if any((unit is None) != (units[0] is None) for unit in units):

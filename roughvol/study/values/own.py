@@ -33,15 +33,7 @@ _TARGET = re.compile(r"[A-Za-z_][\w.]*(:[A-Za-z_]\w*)?")
 
 @dataclass(frozen=True)
 class OwnQuantity:
-    """A quantity of a user.
-
-    Attributes
-    ----------
-    target : str
-        ``module:function``, or the name of an entry point.
-    version : str
-        Version that the function declares.
-    """
+    """A quantity of a user: ``module:function`` or the name of an entry point, and the version of the function."""
 
     target: str
     version: str = ""
@@ -59,13 +51,7 @@ def offered() -> list[str]:
 
 @functools.cache
 def function_of(target: str) -> Callable[[Any], Any]:
-    """Return the function of a target, from an installed module, or a module in the current folder.
-
-    Raises
-    ------
-    ImportError, AttributeError
-        If there is no such module, entry point or function.
-    """
+    """Return the function of a target, from an installed module, or a module in the current folder."""
     module, _, name = target.partition(":")
     with _current_folder():
         if name:

@@ -26,28 +26,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StateKind:
-    """A quantity that names a state of a sweep.
+    """A quantity that names a state of a sweep, as ``pressure`` in ``to: {pressure: 0.5}``.
 
-    Attributes
-    ----------
-    name : str
-        As in ``to: {pressure: 0.5}``.
-    plural : str
-        Key of a list of states in the section ``sweep``; empty without one.
-    unit : str
-        Kind of its unit, of `units.KINDS`; empty where it has none.
-    symbol : str
-        Of the starred quantity.
-    stored : str
-        Name of the stored, starred variable; empty for a leak rate.
-    fixes : str
-        Name of the starred quantity that a value with a unit fixes.
-    falls : bool
-        Whether it falls while the load grows.
-    search : bool
-        Whether the indentation of a state is searched for on a free patch.
-    needs_unit : bool
-        Whether a value has a unit in any case.
+    - ``plural``: key of a list of states in the section ``sweep``; empty without one
+    - ``unit``: kind of its unit, of `units.KINDS`; empty where it has none
+    - ``symbol``: symbol of the starred quantity
+    - ``stored``: name of the stored, starred variable; empty for a leak rate
+    - ``fixes``: name of the starred quantity that a value with a unit fixes
+    - ``falls``: whether it falls while the load grows
+    - ``search``: whether the indentation of a state is searched for on a free patch
+    - ``needs_unit``: whether a value has a unit in any case
     """
 
     name: str
@@ -154,11 +142,6 @@ def parse(text: str) -> Level:
     -------
     Level
         The level; its value is a `Quantity` where it has a unit.
-
-    Raises
-    ------
-    DatasetError
-        If the kind is unknown, or the value is no number with a fitting unit.
     """
     found = _LEG.search(text)
     leg, rest = (int(found[1]), text[: found.start()]) if found else (None, text)
@@ -200,11 +183,6 @@ def levels(loads: Loads | Level) -> list[Level]:
     -------
     list of Level
         The levels.
-
-    Raises
-    ------
-    DatasetError
-        If a load is no level.
     """
     if isinstance(loads, Level):
         return [loads]
@@ -227,11 +205,6 @@ def level(load: Load | Level) -> Level:
     -------
     Level
         The level.
-
-    Raises
-    ------
-    DatasetError
-        If the load is no level, or several.
     """
     found = levels(load)
     if len(found) != 1:
@@ -276,18 +249,8 @@ def step_at(level: Level, values: Iterable[float]) -> int | None:
 class Scale:
     """What turns numbers with units into starred ones, see the conventions above.
 
-    Attributes
-    ----------
-    E_star : float
-        Contact modulus in ``modulus_unit``.
-    L, Sq : float
-        Length and root mean square height of the surface, in ``length_unit``.
-    area : float
-        Area of all elements, in the square of ``length_unit``.
-    modulus_unit, length_unit : str or None
-        Units of the study; None for arbitrary ones.
-    drive : float or None
-        ΔP/μ of the fluid [1/s], None without one.
+    ``E_star`` is in ``modulus_unit``, ``L`` and ``Sq`` in ``length_unit``, the area of all elements in its square; None
+    stands for arbitrary units. ``drive`` is ΔP/μ of the fluid [1/s].
     """
 
     E_star: float
@@ -299,24 +262,9 @@ class Scale:
     drive: float | None = None
 
     def starred(self, kind: str, value: float) -> tuple[str, float]:
-        """Return the starred quantity that a value fixes, and its starred value.
+        """Return the starred quantity that a `Quantity` or a starred number fixes, and its starred value [1].
 
-        Parameters
-        ----------
-        kind : str
-            Of `STATE_KINDS`.
-        value : float
-            A `Quantity`, or a starred number.
-
-        Returns
-        -------
-        (str, float)
-            pressure, separation, indentation, free_volume or contact_area; its value [1].
-
-        Raises
-        ------
-        ValueError
-            If the unit of the modulus or of length is needed and unknown, or the surface is flat.
+        A flat surface, or a unit that is needed and unknown, is a `ValueError`.
         """
         quantity = STATE_KINDS[kind].fixes
         if (unit := unit_of(value)) is None:

@@ -145,11 +145,6 @@ def quantity(values: Any, given: str, wanted: Any = None, registry: Any = None) 
     -------
     Quantity
         The values with their unit.
-
-    Raises
-    ------
-    ValueError
-        If the unit is not known, or of another dimension.
     """
     import pint
 
@@ -207,11 +202,6 @@ def read(text: str, kind: str) -> float:
     -------
     float
         A `Quantity`, or a plain number.
-
-    Raises
-    ------
-    ValueError
-        If it is no number, or its unit is of another kind.
     """
     with contextlib.suppress(ValueError):
         if math.isfinite(plain := float(text)):
