@@ -10,16 +10,9 @@ from roughvol.study import Level
 
 @dataclass(frozen=True, eq=False)
 class Pressed:
-    """A run that records the state at the load of a card.
+    """A run that records the state, ``level``, at the load of a card.
 
-    Attributes
-    ----------
-    words : str
-        Difference from the finest run, as ``twice the spacing`` or ``level: tilt``; empty for the finest run.
-    dataset : Dataset
-        The run.
-    level : Level
-        The state, as the run records it.
+    ``words`` is its difference from the finest run, as ``twice the spacing`` or ``level: tilt``.
     """
 
     words: str
@@ -31,14 +24,7 @@ class Pressed:
 class CardRuns:
     """The runs of one height file, or of the seeds of one kind of surface.
 
-    Attributes
-    ----------
-    fine : Pressed
-        The run on the finest grid.
-    coarser : tuple of Pressed
-        The runs at 2 and 4 times the spacing, as far as the grid has nodes for them.
-    levelled : Pressed or None
-        The run of the file with another levelling.
+    ``coarser`` has the runs at 2 and 4 times the spacing, as far as the grid has nodes for them.
     """
 
     fine: Pressed

@@ -29,17 +29,7 @@ State = dict[str, Any]
 
 
 class Checkpoint:
-    """The checkpoint of one case.
-
-    Parameters
-    ----------
-    path : Path
-        File of the checkpoint.
-    case : Case
-        The case.
-    numerics : str
-        Versions and vector units, see `numerics`.
-    """
+    """The checkpoint of one case in a file, for the versions and vector units of `numerics`."""
 
     def __init__(self, path: Path, case: Case, numerics: str) -> None:
         self._path, self._labels = path, {"case": case.id, "key": case.key_text, "numerics": numerics}

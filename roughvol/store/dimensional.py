@@ -27,13 +27,7 @@ LEAKS = ("leak_rate", "gas_leak_rate")
 
 
 def check(case: Case) -> None:
-    """Refuse a study of lengths in units whose own unit of length is unknown.
-
-    Raises
-    ------
-    StudyError
-        If neither the study nor the height file gives the unit.
-    """
+    """Refuse a study of lengths in units if neither the study nor the height file gives the unit of length."""
     wanted = case.record.dimensional
     if wanted is None or case.length_unit is not None:
         return

@@ -40,15 +40,10 @@ class Holder:
 
 @contextlib.contextmanager
 def opened(folder: Path) -> Iterator[None]:
-    """Make a folder if it is absent, and lock it against other runs.
+    """Make a folder if it is absent, and lock it against other runs; a `FolderError` if another run holds it.
 
     The lock is a file that names its process. The system frees it when the process ends. On file systems without locks,
     it is stale once its process on the same host has ended.
-
-    Raises
-    ------
-    FolderError
-        If another run holds it, or the folder cannot be written.
     """
     path, progress = folder / "lock", folder / "progress.json"
     try:

@@ -36,17 +36,7 @@ DATASETS = (".nc", ".nc4", ".cdf", ".h5")
 
 @dataclass(frozen=True, eq=False)
 class StoredRun:
-    """A run with results.
-
-    Attributes
-    ----------
-    file : Path
-        Its ``study.nc``.
-    dataset : Dataset
-        Its results, loaded.
-    given : Study or None
-        The study of the study file that the run was opened by.
-    """
+    """A run with results: its ``study.nc``, the loaded dataset, and the study of the study file that opened the run."""
 
     file: Path
     dataset: Dataset
@@ -54,29 +44,7 @@ class StoredRun:
 
     @classmethod
     def open(cls, run: str | Path | None = None, changes: Sequence[str] = ()) -> StoredRun:
-        """Open the run of a name, a folder, a ``study.nc`` or a study file.
-
-        Parameters
-        ----------
-        run : path, optional
-            A folder, a ``study.nc``, a study file, or a name under ``runs``. Default: the latest run with results.
-        changes : sequence of str
-            Other values of keys of the study, as ``surface.m=6``.
-
-        Returns
-        -------
-        StoredRun
-            The run, with its results in memory.
-
-        Raises
-        ------
-        DatasetError
-            If there are no results, or they are damaged.
-        FolderError
-            If the results are of another study. The message has the keys that differ.
-        StudyError
-            If the study file has problems.
-        """
+        """Open a run as `open` does, with the same errors; None is the latest run with results."""
         from roughvol.store.dataset import with_case
 
         file, results, given = _opened(run, changes)

@@ -21,26 +21,15 @@ from roughvol.study import HeightFile, Study, load, loads
 
 @dataclass(frozen=True)
 class Status:
-    """The state of a study in its folder.
+    """The state of a study in its folder, with the ids of its cases.
 
-    Attributes
-    ----------
-    folder : Path
-        Folder of the results.
-    done, missing, running : tuple of str
-        Ids of the cases.
-    damaged, failed, outdated : mapping of str to str
-        Reason or error by the id of the case. Files of another format are outdated; their cases are missing.
-    collected : bool
-        Whether ``study.nc`` holds this study.
-    strange : int
-        Number of other case files that are not of this study.
-    versions : mapping of str to int
-        Number of finished cases by version of roughvol.
-    holder : Holder or None
-        The process that runs now.
-    left : float or None
-        Its estimate of the seconds to go.
+    - ``damaged``, ``failed``, ``outdated``: reason or error by the id of the case. Files of another format are
+      outdated; their cases are missing.
+    - ``collected``: whether ``study.nc`` holds this study
+    - ``strange``: number of other case files that are not of this study
+    - ``versions``: number of finished cases by version of roughvol
+    - ``holder``: the process that runs now
+    - ``left``: its estimate of the seconds to go
     """
 
     folder: Path
@@ -132,18 +121,9 @@ def _progress(folder: Path) -> tuple[tuple[str, ...], float | None]:
 
 @dataclass(frozen=True)
 class Listed:
-    """A run in a folder of runs.
+    """A run in a folder of runs: size in bytes of all its files, age in seconds since its last change.
 
-    Attributes
-    ----------
-    name : str
-        Name of its folder.
-    state : str
-        running, finished, or the number of finished and failed cases.
-    size : int
-        Bytes of all its files.
-    age : float
-        Seconds since its last change.
+    ``state`` is running, finished, or the number of finished and failed cases.
     """
 
     name: str

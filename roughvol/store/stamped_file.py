@@ -43,13 +43,7 @@ _REASONS = {
 
 
 def store(path: Path, content: bytes) -> None:
-    """Write a file that is either whole or absent.
-
-    Raises
-    ------
-    FolderError
-        If the folder cannot be written. An earlier file of that name stays.
-    """
+    """Write a file that is either whole or absent; after a `FolderError` an earlier file of that name stays."""
     aside = aside_of(path)
     try:
         if path.exists() and not path.is_file():  # a device or a pipe: its name is not ours to replace
@@ -170,13 +164,7 @@ def verified(path: Path) -> tuple[bytes, Labels]:
 
 
 def read(path: Path) -> tuple[bytes, Labels | None]:
-    """Return content and labels of a stamped file, every bit checked, or the content of netCDF without a stamp.
-
-    Raises
-    ------
-    DatasetError
-        If the file is missing or altered, or neither stamped nor netCDF.
-    """
+    """Return content and labels of a stamped file, every bit checked, or the content of netCDF without a stamp."""
     content = _content(path)
     bare = content.startswith(NETCDF) and not content.endswith(MARK)
     return (content, None) if bare else unstamped(content, path)
