@@ -22,19 +22,7 @@ NONE_EXCEEDED = "No limit of the model is exceeded among those compared."
 
 @dataclass(frozen=True, eq=False)
 class Page:
-    """A card with the runs that it rests on.
-
-    Attributes
-    ----------
-    card : Card
-        The card.
-    fine : tuple of Dataset
-        The runs on the finest grid.
-    identity : Identity
-        Study and command.
-    stem : str
-        Name of its files without a suffix.
-    """
+    """A card with its runs on the finest grid, its study and command, and the name of its files without a suffix."""
 
     card: Card
     fine: tuple[Dataset, ...]

@@ -34,15 +34,7 @@ OF_EACH = ("Nodes", "Size", "Treatment", "Missing heights")  # facts of several 
 
 @dataclass(frozen=True)
 class Identity:
-    """Where a card comes from.
-
-    Attributes
-    ----------
-    study : Study
-        The study as the user wrote it.
-    command : str
-        The command that writes the card.
-    """
+    """The origin of a card: the study as the user wrote it, and the command that writes the card."""
 
     study: Study
     command: str

@@ -75,8 +75,7 @@ def convergence(ds: Dataset) -> list[Convergence]:
 def time_saved(ds: Dataset) -> float:
     """Return the share of time that one digit less of residual saves, between η/σ = 1e-3 and 1e-9 (mixed precision).
 
-    From a straight line through log(seconds) of all surfaces together against the digits: what the sentence
-    "ten times less accuracy costs x per cent less time" says.
+    It is from a straight line through log(seconds) of all surfaces together against the digits.
     """
     ladder = rungs(ds, "tolerance", "mixed")
     chosen = (ladder["rtol"].values <= 1.1e-3) & (ladder["rtol"].values >= 0.9e-9)

@@ -36,26 +36,12 @@ BESIDE = "Beside this page: claims.json for machines, report.md for a terminal."
 class Report:
     """Runs to report on, and what is said of them together.
 
-    Attributes
-    ----------
-    runs : tuple of Run
-        All runs.
-    own : tuple of Run
-        Runs with a section of their own.
-    figures : mapping
-        Figures that such a section may show, by name.
-    title, lead : str
-        Title, and words below it.
-    chips : tuple of Cell
-        Counts below the title.
-    before, after : tuple of Section
-        Sections before and after those of the runs of their own.
-    sources : tuple of str
-        Works to cite.
-    record : mapping
-        Data of these sections for claims.json.
-    lines : tuple of str
-        Lines of these sections for a terminal.
+    - ``own``: runs with a section of their own
+    - ``figures``: figures that such a section may show, by name
+    - ``lead``, ``chips``: words and counts below the title
+    - ``before``, ``after``: sections before and after those of the runs of their own
+    - ``record``, ``lines``: data of these sections for claims.json, and their lines for a terminal
+    - ``sources``: works to cite
     """
 
     runs: tuple[Run, ...]

@@ -38,17 +38,7 @@ CASE = ("D", "m", "seed", "case")
 
 
 class Records(NamedTuple):
-    """Numbers as rows, for CSV, JSON and pandas.
-
-    Attributes
-    ----------
-    names : list of str
-        Stored names of the columns.
-    rows : list of list
-        Plain numbers and text; None for a number that is missing.
-    units : dict
-        Unit by name.
-    """
+    """Numbers as rows under stored names, with units by name, for CSV, JSON and pandas; None for a missing number."""
 
     names: list[str]
     rows: list[list[Any]]
