@@ -26,19 +26,12 @@ F = TypeVar("F", bound=Callable[..., Any])
 class Former:
     """A former spelling.
 
-    Attributes
-    ----------
-    kind : str
-        What it names. An answer is a key of ``--json``.
-    old : str
-        A key with its sections, also with a value, as ``sweep.steps=auto``; an option behind its command; a Python name
-        behind its module; an argument in brackets behind its function or class.
-    new : str
-        The new spelling, or what to do. Of an argument that works: the new argument alone.
-    since, until : str
-        The version that brought the new spelling, and the first that refuses the former one.
-    values : mapping
-        New values of a key or an argument by former ones. Other values stay.
+    - ``kind``: kind of the name. An answer is a key of ``--json``.
+    - ``old``: a key with its sections, also with a value, as ``sweep.steps=auto``; an option behind its command; a
+      Python name behind its module; an argument in brackets behind its function or class
+    - ``new``: the new spelling, or what to do. Of an argument that works: the new argument alone.
+    - ``since``, ``until``: the version that brought the new spelling, and the first that refuses the former one
+    - ``values``: new values of a key or an argument by former ones. Other values stay.
     """
 
     kind: Kind

@@ -24,14 +24,9 @@ if TYPE_CHECKING:
 
 
 def say(text: Any = "", *, err: bool = False, nl: bool = True) -> None:
-    """Print a text on standard output, or on standard error.
+    """Print a text on standard output, or on standard error; a `FolderError` if the disk is full.
 
     A reader that is gone, as ``head`` or a closed terminal, silences the stream: the command still writes its files.
-
-    Raises
-    ------
-    FolderError
-        If standard output cannot be written for another reason, as a full disk.
     """
     try:
         click.echo(text, err=err, nl=nl)

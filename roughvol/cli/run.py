@@ -127,13 +127,7 @@ def _say_record(name: str, results: Dataset, last: Progress, file: Path, seconds
 
 
 def _summary(results: Dataset, path: Path) -> list[str]:
-    """Return states, convolutions, residual and unreached levels of a study.
-
-    Raises
-    ------
-    CampaignError
-        If the file holds a state that did not converge.
-    """
+    """Return states, convolutions, residual and unreached levels of a study; unconverged states are refused."""
     from roughvol.observables.variables import STATES
     from roughvol.store import dataset
 
