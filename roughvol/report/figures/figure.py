@@ -30,12 +30,22 @@ def none_refused(name: str, ds: Dataset) -> None:
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure of one dataset: call it with the dataset; its name is that of ``draw``.
+    """A figure of one dataset: call it with the dataset.
 
-    - ``needs``: stored variables that one case must hold
-    - ``cases``: cases of a study that the figure shows
-    - ``refuse``: further reason why a dataset cannot be drawn, from the name and the dataset, or None
-    - ``every_leg``: whether all legs of a path are drawn. Default: the first leg, which loads the virgin surface
+    Attributes
+    ----------
+    draw : callable
+        Draws a dataset; its name is that of the figure.
+    caption : str
+        Contents, units, lines and bands. Starred quantities have no unit.
+    needs : tuple of str
+        Stored variables that one case must hold.
+    cases : callable
+        Cases of a study that the figure shows.
+    refuse : callable
+        Further reason why a dataset cannot be drawn, from the name and the dataset, or None.
+    every_leg : bool
+        Whether all legs of a path are drawn. Default: the first leg, which loads the virgin surface.
     """
 
     draw: Callable[[Any], Drawing]

@@ -74,7 +74,10 @@ def _rows(axes: Any, some: list[Family], label: str) -> list[tuple[Any, str]]:
 
 
 def seal_volume(ds: Dataset) -> Drawing:
-    """Free volume connected to the sides of the patch, and trapped in pockets, over p*, A* and V*."""
+    """Free volume connected to the sides of the patch, and trapped in pockets, over p*, A* and V*.
+
+    One surface: its computed states. Several: mean and one standard deviation. Trapped volume grows towards sealing.
+    """
     ds = ds.assign(connected=ds[V] * ds["connected_volume_fraction"], trapped=ds[V] * ds["trapped_volume_fraction"])
     fig, axes, some, title = _panels(ds, 2, P, "connected")
     for row, name in zip(axes, ("connected", "trapped"), strict=True):
@@ -93,7 +96,8 @@ def seal_volume(ds: Dataset) -> Drawing:
 def seal_percolation(ds: Dataset) -> Drawing:
     """Which directions are open from side to side: of one surface 1 or 0 at its states, of several the share.
 
-    A step falls at the first state computed closed. The band is the binomial standard error.
+    A step falls at the first state computed closed: the closing load lies between that state and the one before. The
+    band is the binomial standard error.
     """
     fig, axes, some, title = _panels(ds, 0, P, "percolates")
     many = any(family.surfaces > 1 for family in some)
@@ -265,7 +269,10 @@ def seal_estimates(ds: Dataset) -> Drawing:
 
 
 def seal_map(ds: Dataset) -> Drawing:
-    """Flux along x, from x = 0 to x = L, at each recorded load over its mean, with contact and constriction."""
+    """Flux along x at each recorded load over its mean, contact in flat blue, the critical constriction in a circle.
+
+    The flow enters at x = 0 and leaves at x = L.
+    """
     case, name = single(ds, "flux")
     case = case.sel(axis="x")
     reached = [label for label in case["flux_at"].values if int(case["flux_at_step"].sel(flux_at=label)) > 0]

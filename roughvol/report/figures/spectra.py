@@ -21,8 +21,9 @@ ROUNDING = 1e-24  # of the largest density: waves beyond L/λ_s are zero but for
 def psd(ds: Dataset) -> Drawing:
     """Draw the radial power spectral density C^iso, and the root mean square slope of the waves up to each one.
 
-    Means of the squares over the surfaces of each D, at the finest m. The law has a plateau up to L/λ_r, then a line of
-    slope -2 - 2H up to L/λ_s.
+    Means of the squares over the surfaces of each D, at the finest m. Dashed: the law of a study with a spectrum.
+    Dotted: the deformed surface, at the last state of ``psd_at``. To see: a plateau up to L/λ_r, then a line of slope
+    -2 - 2H up to L/λ_s; the slope grows up to the shortest wave. Load takes the long waves first.
     """
     fig, (left, right) = axes(PAGE, 3.0, 2)
     members, title = families(ds, "D", "psd", "rms_slope_below")

@@ -57,8 +57,12 @@ LABELS = {name: row.label for name, row in QUANTITIES.items() if row.label}
 class Drawing(Figure):
     """A matplotlib figure that is saved in our style, whoever saves it.
 
-    ``shown`` has the values of ``D``, ``m``, ``surfaces``, ``samples`` and ``area`` that it shows, for the note on its
-    origin. ``sources`` has the origin of a line: ``D``, ``m``, ``seed``, ``case``, ``axis`` and the name ``curve``.
+    Attributes
+    ----------
+    shown : mapping
+        Values of ``D``, ``m``, ``surfaces``, ``samples`` and ``area`` that it shows, for the note on its origin.
+    sources : mapping
+        Where the points of a line come from: ``D``, ``m``, ``seed``, ``case``, ``axis`` and the name ``curve``.
     """
 
     shown: Mapping[str, Sequence[float]] = MappingProxyType({})
@@ -73,7 +77,23 @@ class Drawing(Figure):
     def savefig(self, fname: Any, *, transparent: bool | None = None, **kwargs: Any) -> None:
         """Save as matplotlib does, with the fonts of `STYLE`: how text is embedded is decided when a file is written.
 
-        A file is written whole, or stays as it was with a `FolderError`. A `ValueError` refuses an unknown format.
+        A file is written whole, or stays as it was.
+
+        Parameters
+        ----------
+        fname : str, path or file
+            Where to; the suffix is the format.
+        transparent : bool, optional
+            Whether the background is left out.
+        **kwargs
+            Those of `matplotlib.figure.Figure.savefig`.
+
+        Raises
+        ------
+        FolderError
+            If the file cannot be written.
+        ValueError
+            If there is no such format.
         """
         with mpl.rc_context(STYLE | dict(self.style)):
             if not isinstance(fname, str | os.PathLike):
@@ -173,7 +193,10 @@ def plain_ticks(axis: Any, steps: Sequence[float]) -> None:
 
 
 def marked(states: int, order: int = 0) -> Any:
-    """Return which states of a curve have a marker: all, or some, shifted so that coinciding curves are seen apart."""
+    """Return which of the computed states of a curve have a marker: all, or some at equal distances on paper.
+
+    These are shifted from curve to curve, so that curves that coincide can be seen apart.
+    """
     return None if states <= MANY else (0.03 * (order % 4), 0.12)
 
 

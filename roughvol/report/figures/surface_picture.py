@@ -23,7 +23,8 @@ SPELLED = {"um": "µm", "angstrom": "Å"}
 def look(surface: Surface, unit: str | None = None, title: str = "") -> Figure:
     """Draw the heights above the mean plane, their histogram, and the profiles along x and y through the highest point.
 
-    The dashed curve in the histogram is the normal distribution of the same Sq.
+    To see: a spike, a hole, a tilt or a step that the numbers do not show. The dashed curve in the histogram is the
+    normal distribution of the same Sq.
     """
     heights = surface.heights - surface.mean_height
     width, depth = (surface.spacing * (nodes - 1) for nodes in surface.shape)

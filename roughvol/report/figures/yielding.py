@@ -28,7 +28,11 @@ NOMINAL = "nominal_pressure"
 
 
 def path_loops(ds: Dataset) -> Drawing:
-    """Draw contact area, free volume, and leak or plastic volume over pressure, leg by leg."""
+    """Draw contact area, free volume, and leak or plastic volume over pressure, leg by leg.
+
+    To see: elastic contact retraces. A surface that has yielded has more contact and less free volume on the way down
+    than at the same pressure on the way up, and leaks less.
+    """
     ds = counted(ds)
     some, title = families(ds, "D", P, V)
     load = NOMINAL if NOMINAL in ds else P
@@ -69,7 +73,10 @@ def path_loops(ds: Dataset) -> Drawing:
 
 
 def yielded_map(ds: Dataset) -> Drawing:
-    """Draw the plastic displacement of one surface at the end of its path, over σ."""
+    """Draw the plastic displacement of one surface at the end of its path, over σ.
+
+    To see: yield is on the summits of the loaded regions, and flattens them.
+    """
     case, name = single(ds, "heights", "residual_heights")
     depth = own(case["heights"] - case["residual_heights"]) / float(case["Sq"])
     fig = canvas(PAGE * 0.55, 3.4)
