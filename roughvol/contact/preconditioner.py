@@ -56,14 +56,24 @@ def approximate_inverse(
     left_out = np.ones(elements.size, dtype=bool)
     left_out[kept] = False
 
+    row_of = np.full(elements.size, -1)  # of elements that have entered: their rows stay the same
+    members, rows = border(half_space, elements, left_out, np.empty(0, dtype=np.intp))
+    at_once = tuning.cache // 64  # small systems at a time
+
     def apply(r: NDArray[Any]) -> NDArray[Any]:
+        nonlocal members, rows
         z = np.zeros_like(r)
         z[kept] = inverse(r[kept])
         entered = np.flatnonzero(left_out & (r != 0.0))
-        at_once = tuning.cache // 64  # small systems at a time
+        new = entered[row_of[entered] < 0]
+        row_of[new] = len(rows) + np.arange(new.size)
+        for first in range(0, new.size, at_once):
+            around, found = border(half_space, elements, left_out, new[first : first + at_once])
+            members, rows = np.concatenate((members, around)), np.concatenate((rows, found))
         for first in range(0, entered.size, at_once):
-            members, rows = border(half_space, elements, left_out, entered[first : first + at_once])
-            np.add.at(z, members, rows * (rows * r[members]).sum(axis=1, keepdims=True))
+            some = row_of[entered[first : first + at_once]]
+            around, row = members[some], rows[some]
+            np.add.at(z, around, row * (row * r[around]).sum(axis=1, keepdims=True))
         return z
 
     return apply, ~left_out
