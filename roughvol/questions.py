@@ -467,11 +467,14 @@ def card(
     folder = Path(out or Path("runs") / f"{asked.name}_card")
     found: dict[tuple[str, str], dict[str, CardRuns]] = {}
     cards = Cards(asked, str(study) if isinstance(study, str | Path) else asked.name, texts, folder, found)
-    for level, variant in itertools.product(levels(at), asked.variants):
+    loads = levels(at)
+    for level, variant in itertools.product(loads, asked.variants):
         surfaces = computed.surfaces_of(variant.study)
         accept = check_reached if len(surfaces) == 1 else lambda fine: None
         inside = folder.joinpath("runs", *map(computed.slug, (*cards.varied, variant.words)))
-        options: dict[str, Any] = {"jobs": jobs, "fresh": fresh, "accept": accept}
+        first = next(one for one in loads if one.kind == level.kind) == level  # of the loads in the same runs
+        options: dict[str, Any] = {"jobs": jobs, "fresh": fresh and (first or level.kind == "last"), "accept": accept}
+        options["beside"] = loads
         options["on_event"] = lambda now: done.append(now.done)
         found[level.label, variant.words] = {
             name: computed.compute(one, level, inside / computed.slug(name), **options)

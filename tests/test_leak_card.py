@@ -191,6 +191,12 @@ def test_several_loads_have_a_card_each_and_a_table() -> None:
     folder = Path("runs/seal_card")
     assert {path.name for path in folder.glob("*.pdf")} == {f"card_pressure=0.0{k}_MPa.pdf" for k in (2, 3)}
     assert (folder / "cards_pressure=0.02_MPa_pressure=0.03_MPa.html").exists()
+    both, alone = folder / "runs/pressure=0.02_MPa_pressure=0.03_MPa", folder / "runs/pressure=0.02_MPa"
+    assert set((folder / "runs").iterdir()) == {both, alone}  # loads of one kind share their runs
+    stored = {path: path.stat().st_mtime_ns for path in both.glob("*/cases/*.nc")}
+    assert len(stored) == len(list(alone.glob("*/cases/*.nc")))
+    _printed(study, *loads)
+    assert {path: path.stat().st_mtime_ns for path in stored} == stored
 
 
 def test_a_card_of_a_changed_study_leaves_the_first() -> None:

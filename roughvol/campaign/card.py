@@ -7,7 +7,7 @@ compared at its value, at ``last`` at the ends of their sweeps.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -56,8 +56,11 @@ def surfaces_of(study: Study) -> dict[str, Study]:
     return found
 
 
-def plan(study: Study, at: Level) -> Plan:
-    """Return the runs of a card of one file, or of the seeds of one D and m; a level with a unit is that of all."""
+def plan(study: Study, at: Level, beside: Sequence[Level] = ()) -> Plan:
+    """Return the runs of a card of one file, or of the seeds of one D and m; a level with a unit is that of all.
+
+    The runs record the levels ``beside``, of the same kind, too.
+    """
     surface = study.surface
     problems = []
     if study.ensemble is not None:
@@ -70,9 +73,10 @@ def plan(study: Study, at: Level) -> Plan:
         raise StudyError(problems)
     if study.seal is not None:
         _check_seal(study, study.seal)
-    level = _recordable(study, at)
+    level, *others = (_recordable(study, one) for one in (at, *beside))
+    levels = [level, *others]
     try:
-        fine = Planned("", _changed(study, level, {}, fine=True), level)
+        fine = Planned("", _changed(study, levels, {}, fine=True), level)
     except StudyError as error:
         raise StudyError(_of_level(error, at)) from error
     coarser: list[Planned] = []
@@ -81,13 +85,13 @@ def plan(study: Study, at: Level) -> Plan:
         if keys is None:
             continue
         try:
-            coarser.append(_at_equal_pressure(study, level, keys, words))
+            coarser.append(_at_equal_pressure(study, levels, keys, words))
         except StudyError:  # a grid too coarse for the waves of the surface; the card says what is not known
             break
     levelled = None
     if isinstance(surface, HeightFile) and not surface.periodic:  # a tilted period is none
         other = OTHER_LEVEL[str(surface.level)]
-        levelled = _at_equal_pressure(study, level, {"level": other}, f"level: {other}")
+        levelled = _at_equal_pressure(study, levels, {"level": other}, f"level: {other}")
     return Plan(fine, tuple(coarser), levelled)
 
 
@@ -141,31 +145,34 @@ def _coarser(study: Study, factor: int) -> dict[str, Any] | None:
     return {key: value} if 2**m + 1 >= FEWEST_NODES else None
 
 
-def _at_equal_pressure(study: Study, level: Level, keys: Mapping[str, Any], words: str) -> Planned:
-    """Return the study with another surface, at the same nominal pressure p = p* E* Sq/L."""
+def _at_equal_pressure(study: Study, levels: Sequence[Level], keys: Mapping[str, Any], words: str) -> Planned:
+    """Return the study with another surface, at the same nominal pressures p = p* E* Sq/L."""
     if not isinstance(study.surface, HeightFile):
-        return Planned(words, _changed(study, level, keys), level)
+        return Planned(words, _changed(study, levels, keys), levels[0])
     steepness = []
-    for one in (study, _changed(study, level, keys)):
+    for one in (study, _changed(study, levels, keys)):
         surface = surface_of(one.cases()[0])
         steepness.append(surface.unit / surface.side)
     ratio = steepness[0] / steepness[1]
-    if level.kind == "pressure" and not isinstance(level.value, Quantity):
-        level = replace(level, value=(level.value or 0.0) * ratio)
-    return Planned(words, _changed(study, level, keys, pressures=ratio), level)
+    if levels[0].kind == "pressure":
+        levels = [
+            one if isinstance(one.value, Quantity) else replace(one, value=(one.value or 0.0) * ratio) for one in levels
+        ]
+    return Planned(words, _changed(study, levels, keys, pressures=ratio), levels[0])
 
 
 def _changed(
-    study: Study, level: Level, keys: Mapping[str, Any], *, pressures: float = 1.0, fine: bool = False
+    study: Study, levels: Sequence[Level], keys: Mapping[str, Any], *, pressures: float = 1.0, fine: bool = False
 ) -> Study:
     """Return the study with the records of a card, other keys of its surface, and its starred pressures times a factor.
 
-    The factor is for pressures of the sweep and of the fluid. The finest run has the flow at every step, that of the
-    quadrants half way to the end of the first leg, the gas, and the lifted gap.
+    The levels, of one kind, are recorded. The factor is for pressures of the sweep and of the fluid. The finest run has
+    the flow at every step, that of the quadrants half way to the end of the first leg, the gas, and the lifted gap.
     """
     data = {"fluid": None, **study.model_dump(mode="json")}
-    value = str(level.value) if isinstance(level.value, Quantity) else level.value
-    wanted: Any = "last" if value is None else {level.kind: value}
+    values = [str(one.value) if isinstance(one.value, Quantity) else one.value for one in levels]
+    distinct = sorted(set(values), key=str)
+    wanted: Any = "last" if values[0] is None else {levels[0].kind: distinct if len(distinct) > 1 else values[0]}
     kept = {name: data["record"][name] for name in ("region", "dimensional") if data["record"].get(name) is not None}
     if len(study.sweep.legs) > 1:
         kept["all_legs"] = True
@@ -209,6 +216,7 @@ def compute(
     at: Level,
     folder: Path,
     *,
+    beside: Sequence[Level] = (),
     jobs: int | None = None,
     fresh: bool = False,
     on_event: OnEvent = lambda progress: None,
@@ -217,16 +225,18 @@ def compute(
 ) -> CardRuns:
     """Return the runs of a card, each in a folder inside ``folder``; finished runs are read.
 
-    ``accept`` is called with the finest run before the others are computed; it may raise. Other arguments as in `plan`
-    and `execution.run`.
+    ``accept`` is called with the finest run before the others are computed; it may raise. The runs record the loads
+    ``beside`` of other cards too, if they are of the same kind. Other arguments as in `plan` and `execution.run`.
     """
     if study.axes:
         message = "a card shows one combination; allowed: one value in place of each list"
         raise StudyError([Problem(f"{axis.name}: {message}") for axis in study.axes])
-    planned = plan(study, at)
+    alike = [one for one in beside if one.kind == at.kind != "last"]
+    planned = plan(study, at, alike)
+    loads = slug(" ".join(sorted({one.label for one in (at, *alike)})))
 
     def pressed(one: Planned) -> Pressed:
-        inside = folder / slug(at.label) / slug(one.words or FINE)
+        inside = folder / loads / slug(one.words or FINE)
         results = execution.run(one.study, jobs=jobs, fresh=fresh, out=inside, on_event=on_event, stopping=stopping)
         return Pressed(one.words, results, one.level)
 
