@@ -1,6 +1,6 @@
 """How often the intervals of a leak card hold leak and closing load of a finer surface: the parts grid and levelling.
 
-    python -m tests.bench.card_coverage --first 3000 --surfaces 68
+    python -m tests.bench.card_coverage --first 4000 --surfaces 200
 
 A surface of 257 × 257 elements is the truth. Each fourth height, or means of 4 × 4 heights, are the scan. Seeds below
 `FRESH` were used to set the rules of `roughvol.analysis.leak_budget`, those from `FRESH` on were not. Solved numbers
@@ -260,8 +260,8 @@ def intervals(found: Numbers) -> Iterator[tuple[str, float, float, float, float]
 def main() -> None:
     """Print the coverage by kind, and by how much narrower intervals would still hold 93 %."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--first", type=int, default=FRESH)
-    parser.add_argument("--surfaces", type=int, default=68)
+    parser.add_argument("--first", type=int, default=4000)
+    parser.add_argument("--surfaces", type=int, default=200)
     parser.add_argument("--sides", default="free", choices=("free", "mirrored"))
     parser.add_argument("--nodes", type=int, default=NODES)
     parser.add_argument("--kept", type=Path, default=Path("/tmp/roughvol_coverage"))
