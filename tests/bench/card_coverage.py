@@ -3,7 +3,7 @@
     python -m tests.bench.card_coverage --first 4000 --surfaces 200
 
 A surface of 257 × 257 elements is the truth. Each fourth height, or means of 4 × 4 heights, are the scan. Seeds below
-`FRESH` were used to set the rules of `roughvol.analysis.leak_budget`, those from `FRESH` on were not. Solved numbers
+3000 were used to set the rules of `roughvol.analysis.leak_budget`, those from 3000 on were not. Solved numbers
 are kept in `--kept`, so that rules are tried again without new solves.
 """
 
@@ -36,7 +36,6 @@ from roughvol.surfaces import Spectrum, Surface, power_law_surface, random_midpo
 from roughvol.surfaces.treatment import block_means, fill, level
 from roughvol.typing import Array, Sides
 
-FRESH = 3000
 COARSER, NODES = 4, 256  # scan over truth, nodes of the truth along a side
 FRACTIONS = (0.25, 0.5, 0.75)  # of the indentation at which the truth closes
 CURVE = np.linspace(0.1, 0.99, 10)  # of that at which the scan closes
