@@ -51,7 +51,7 @@ LIBRARIES = {  # library -> rooms or modules that import it
     ),
     "numba": ("gap.compiled",),
     "lazy_loader": ("spellings",),
-    "pyfftw": ("contact.convolution", "contact.cosines"),
+    "pyfftw": ("contact.fftw",),
     "yaml": ("study",),
     "pydantic": ("study",),
     "pydantic_core": ("study",),

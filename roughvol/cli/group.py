@@ -136,7 +136,7 @@ def renamed(words: list[str]) -> list[str]:
 
 @contextlib.contextmanager
 def _without_dask() -> Iterator[None]:
-    """Hide dask where it is installed: xarray and pyfftw would import it, as long as a whole command."""
+    """Hide dask where it is installed: xarray would import it, as long as a whole command."""
     if hidden := "dask" not in sys.modules:
         sys.modules["dask"] = None  # type: ignore[assignment]
     try:

@@ -18,6 +18,7 @@ The room of the solver. It knows surfaces and arrays, no study and no results.
 `halfspace`           displacement under pressure, on a free patch or a period
 `convolution`         one convolution, by FFTW or as a sum over few loaded elements
 `cosines`             convolution of a mirrored patch, by cosine transforms
+`fftw`                the library pyfftw, imported without dask
 `kernels`             influence coefficients, and displacement of waves
 `paper_algorithm`     the paper's Algorithm 1, as a reference
 ====================  ==============================================================

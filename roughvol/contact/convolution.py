@@ -7,9 +7,9 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-import pyfftw
 from numpy.typing import NDArray
 
+from roughvol.contact.fftw import pyfftw
 from roughvol.contact.kernels import short_way
 from roughvol.contact.options import TUNING, Tuning
 from roughvol.typing import Array, Index, Shape

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import pyfftw
 from numpy.typing import NDArray
 
 from roughvol.contact.convolution import PLANNER, Convolution, Places, parts
+from roughvol.contact.fftw import pyfftw
 from roughvol.contact.options import Tuning
 from roughvol.typing import Array, Index
 
