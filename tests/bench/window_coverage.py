@@ -116,6 +116,7 @@ def main() -> None:
                 name, truth = "xy"[axis], found["truth"]["closing"][axis]
                 curve = [(state["load"], state["leak"]) for state in window["curve"]]
                 leaks = {"closing": window["closing"], "leak": [state["leak"] for state in window["at"]]}
+                leaks["Sdq"] = math.nan  # of the part of the grid
                 loads = [state["load"] for state in window["at"]]
                 maps = [Solved(leaks, place, loads, curve) for place in range(len(LOADS))]
                 half = _scatter(maps[0], name, window["light"])
