@@ -222,6 +222,7 @@ def _study(
         if arguments is not None:
             raise StudyError([Problem(str(error), argument=arguments.of(""))]) from error
         raise StudyError([Problem(str(error), "", error.line, file)]) from error
+    written = set(reading.marks)
     changed = [_change(data, reading.marks, change) for change in changes]
     problems = {**reading.problems, **(problems or {})}
     former = renamed(data, problems, changed, written=stored or of_run)
@@ -238,7 +239,12 @@ def _study(
     places = reading.places(file, arguments)
     if problems:
         in_order = sorted(problems, key=lambda key: _mark(reading.marks, key))
-        set_here = {key for key in in_order if any(key[: len(path)] == path for path in changed)}
+        set_here = {
+            key
+            for key in in_order
+            for path in changed
+            if key[: len(path)] == path or (key not in written and path[: len(key)] == key != ())
+        }
         found = [Problem(problems[key], key_text(key), file=SET if key in set_here else "") for key in in_order]
         raise StudyError([places.of(problem) for problem in found])
     study._places = places
