@@ -152,7 +152,7 @@ def test_a_study_with_lists_is_refused_where_one_combination_is_needed(
     Path("creep.yaml").write_text("prony: {shares: [0.5], times: [10 s]}")
     assert call("run", "lists.yaml", "--jobs", "1").exit_code == 0
     for arguments, words in (
-        (["ask", "lists.yaml", "--leak-rate", "1 mm^3/s"], "the run has several E_star (5, 10)"),
+        (["ask", "lists.yaml", "--leak-rate", "1 mm^3/s"], "the run has several E_star (5 MPa, 10 MPa)"),
         (["creep", "lists.yaml", "--law", "creep.yaml", "--at", "pressure=1 kPa", "--times", "1 s"], "several E_star"),
     ):
         refused = call(*arguments)

@@ -32,7 +32,7 @@ from roughvol.analysis.leak_curve import Curve, LoadReading, axes, closings, cur
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.variables import LISTED
-from roughvol.study import Level, Quantity, Study, convert, loads, read
+from roughvol.study import Axis, Level, Quantity, Study, convert, loads, read
 from roughvol.study.values.state_kinds import REACHED
 from roughvol.study.values.units import unit_of
 from roughvol.typing import Array
@@ -202,8 +202,10 @@ def check(run: Dataset, *, leaks: bool = True) -> None:
         refuse("the run has no leak rates: record dimensional.pressure and dimensional.leak_rate")
     several = [dim for dim in ONE_OF_EACH if run.sizes.get(dim, 1) > 1]
     if several:
-        held = ", ".join(f"{value:g}" if np.isreal(value) else str(value) for value in run[several[0]].values.tolist())
-        refuse(f"the run has several {several[0]} ({held}); allowed: surfaces of one kind at one value of each key")
+        name, study = several[0], _study(run)
+        axis = next((one for one in (study.axes if study else ()) if one.name == name), Axis(name, ()))
+        held = ", ".join(axis.words(value).removeprefix(f"{name} = ") for value in run[name].values.tolist())
+        refuse(f"the run has several {name} ({held}); allowed: surfaces of one kind at one value of each key")
 
 
 def is_throughput(text: str) -> bool:
