@@ -1,13 +1,42 @@
-"""The measuring scripts: counts of the solver on small rows, layouts of the store, coverage on made numbers."""
+"""The measuring scripts: counts on small rows, layouts of the store, coverage, and the commands that pages name."""
 
 from __future__ import annotations
 
+import argparse
+import importlib
 import json
+import re
+import runpy
+import shlex
 import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.bench import card_coverage, solver, store, window_coverage
+
+ROOT = Path(__file__).parents[1]
+TEXTS = ("Makefile", "README.md", "CONTRIBUTING.md", "docs/**/*.md", "roughvol/**/*.py", "roughvol/**/*.toml")
+COMMAND = re.compile(r'python -m tests\.bench\.(\w+(?: (?:"[^"\n]*"|[^\s`"#|,]+))*)')
+SMALL_RUNS = (  # in make test-slow
+    "card_coverage --surfaces 2 --nodes 32 --kept kept",
+    "cost_rule 4 6",
+    "flow direct 4",
+    "flow large 4 0.1",
+    "flow states 4",
+    "inverse --m 5 --D 2.5",
+    "windows --rolloff 4 --joints 1 --windows 2 --nodes 64 --window 17 --areas 0.1",
+    'ensemble_gain --m 4 --accuracy "10 %"',
+    "estimates",
+    "flow fewer 3",
+    "layer thickness",
+    "scale --cases 4",
+    "seals --roll-off --known",
+    "step_errors",
+    "validation",
+    "wavy_channel --along 8 --figure wavy.png",
+)
 
 ROWS = json.loads(solver.BASELINE.read_text(encoding="utf-8"))
 BASELINE = {(r["kernel"], r["m"], r["D"], r["rtol"], r["seed"]): r for r in ROWS}
@@ -82,3 +111,64 @@ def test_the_coverage_of_grids_counts_those_that_hold(tmp_path, monkeypatch, cap
     monkeypatch.setattr(sys, "argv", ["", "--first", "7", "--surfaces", "2", "--nodes", "64", "--kept", str(tmp_path)])
     card_coverage.main()
     assert f"| closing load: all | 4 | {held} |" in capsys.readouterr().out
+
+
+def _named() -> list[str]:
+    """Return the commands of the benchmarks that pages, the Makefile and the benchmarks themselves name."""
+    paths = [path for glob in (*TEXTS, "tests/bench/*.py") for path in sorted(ROOT.glob(glob))]
+    return sorted({found for path in paths for found in COMMAND.findall(path.read_text(encoding="utf-8"))})
+
+
+class _Parsed(Exception):
+    """The arguments are parsed."""
+
+
+@pytest.mark.parametrize("command", _named())
+def test_a_named_command_exists_and_takes_its_arguments(command, monkeypatch):
+    name, *words = shlex.split(command)
+    module = importlib.import_module(f"tests.bench.{name}")
+    if "ArgumentParser" not in Path(module.__file__).read_text(encoding="utf-8"):
+        if words and words[0].isalpha():  # the function to call
+            assert callable(getattr(module, words[0]))
+        return
+    parse = argparse.ArgumentParser.parse_args
+
+    def parsed(parser):
+        parse(parser)
+        raise _Parsed
+
+    monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parsed)
+    monkeypatch.setattr(sys, "argv", [name, *words])
+    with pytest.raises(_Parsed):
+        module.main()
+
+
+def test_commands_are_found():
+    commands = _named()
+    assert 'paired . ".:sides=mirrored" --m 7 8 9 10 --D 2.3 --steps 20 --area 0.1 --rounds 3' in commands
+    assert {path.stem for path in ROOT.glob("tests/bench/*.py")} - {"__init__"} <= {one.split()[0] for one in commands}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", SMALL_RUNS)
+def test_a_benchmark_prints_its_numbers(command, tmp_path, monkeypatch, capsys):
+    name, *words = shlex.split(command)
+    monkeypatch.setattr(sys, "argv", [name, *words])
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    try:
+        runpy.run_path(str(ROOT / "tests" / "bench" / f"{name}.py"), run_name="__main__")
+    except SystemExit as end:
+        if end.code:
+            raise
+    assert re.search(r"\d", capsys.readouterr().out)
+
+
+def test_joints_and_windows_are_solved(tmp_path, monkeypatch, capsys):
+    for name, value in (("NODES", 64), ("SIDE", 16), ("CORNERS", ((0, 0), (32, 32))), ("CURVE", np.array([0.1, 0.9]))):
+        monkeypatch.setattr(window_coverage, name, value)
+    monkeypatch.setattr(sys, "argv", ["window_coverage", "--first", "1001", "--joints", "1", "--kept", str(tmp_path)])
+    window_coverage.main()
+    closing, leak = capsys.readouterr().out.splitlines()[-2:]
+    assert re.fullmatch(r"closing: [\d.]+ % of 4", closing)
+    assert re.fullmatch(r"leak: [\d.]+ % of \d+", leak)
