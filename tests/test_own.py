@@ -205,6 +205,16 @@ def test_a_mean_that_cannot_be_taken_is_refused_with_its_place(functions, accura
         assert re.match(f"  x.yaml:{words}", done.output.splitlines()[-1]), done.output
 
 
+def test_check_of_a_height_file_takes_a_function():
+    np.savetxt("map.txt", np.random.default_rng(0).normal(size=(12, 14)), header="heights in um")
+    text = STUDY.replace("OWN", "largest: mine:largest").replace("D: 2.3, m: 4", "file: map.txt")
+    study("largest: mine:largest")
+    Path("map.yaml").write_text(text.replace(", Sq: 1 um, seeds: 2", ""))
+    done = CliRunner().invoke(main, ["check", "map.yaml"], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    assert "# surface 12 x 14 nodes" in done.output
+
+
 def test_explain_describes_a_function_as_a_stored_variable():
     study("largest: mine:largest")
     found = roughvol.explain("mine:largest")

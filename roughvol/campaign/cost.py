@@ -67,7 +67,12 @@ class Estimate:
 def shape_of(case: Case, known: Shape | None = None) -> Shape:
     """Return the nodes of a case; of height files those known, or those of the surface, which is read."""
     nodes = case.nodes_per_side
-    return (nodes, nodes) if nodes is not None else known or _measured_shape(replace(case, solver=Solver()))
+    return (nodes, nodes) if nodes is not None else known or _measured_shape(_of_surface(case))
+
+
+def _of_surface(case: Case) -> Case:
+    """Return a case without its solver and its record, which change no surface; functions of the user have no hash."""
+    return replace(case, solver=Solver(), record=type(case.record)())
 
 
 @functools.lru_cache(maxsize=8)
