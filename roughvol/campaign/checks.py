@@ -71,10 +71,12 @@ def _check_shape(case: Case, shape: tuple[int, int]) -> None:
     if case.periodic and min(shape) < LEAST_PERIOD:
         message = f"{case.label} has {shape[0]} x {shape[1]} heights; a period needs {LEAST_PERIOD} x {LEAST_PERIOD}"
         raise StudyError([Problem(message, "surface.sides")])
+    spacing = case.L / intervals(shape[0], case.periodic)
     try:
-        kernel_on(case.L / intervals(shape[0], case.periodic), case)
+        kernel_on(spacing, case)
     except ContactError as error:
-        raise StudyError([Problem(str(error), "material.thickness")]) from error
+        words = f"{error}; the spacing is {spacing:.6g} {case.length_unit or ''}".rstrip()
+        raise StudyError([Problem(words, "material.thickness")]) from error
     regions.check(case, shape)
 
 

@@ -208,10 +208,11 @@ def _periodic(study: StudyFile) -> Problems:
     own = study.material.kernel(study.solver.kernel, None)
     kernel = own or NamedKernel(study.solver.kernel)
     if surface.sides == "free" and kernel.name not in get_args(FreeKernel):
-        allowed = (
-            f"needs surface.sides: mirrored or periodic; allowed on a free patch: {', '.join(get_args(FreeKernel))}"
-        )
-        yield ("material", own.lengths[0][0]) if own else ("solver", "kernel"), f"{kernel.name!r} {allowed}"
+        needs, free = "needs surface.sides: mirrored or periodic", ", ".join(get_args(FreeKernel))
+        if own:
+            yield ("material", own.lengths[0][0]), f"a layer {needs}; allowed on a free patch: a half space, none"
+        else:
+            yield ("solver", "kernel"), f"{kernel.name!r} {needs}; allowed on a free patch: {free}"
     if surface.periodic and isinstance(surface, GeneratedSurface):
         for path, m in _numbers(("surface", "m"), surface.m):
             if m < PERIODIC_LEAST_M:

@@ -59,7 +59,7 @@ def test_a_list_of_layers_has_the_numbers_of_each_layer(tmp_path, E):
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"surface.sides": "free"}, "material.thickness: 'layer' needs surface.sides: mirrored or periodic"),
+        ({"surface.sides": "free"}, "material.thickness: a layer needs surface.sides: mirrored or periodic"),
         ({"solver.kernel": "punch"}, "'punch' has no layer; allowed with material.thickness: love, fourier"),
         ({"material.against": {"E": "1 GPa", "nu": 0.3}}, "a layer is pressed by a rigid surface"),
         ({"material.thickness": "0 um"}, "must be > 0"),
@@ -67,7 +67,7 @@ def test_a_list_of_layers_has_the_numbers_of_each_layer(tmp_path, E):
         ({"material.thickness": ["20 um", "0 um"]}, r"thickness\[1\]: must be > 0"),
         ({"material.thickness": ["20 um", 30]}, r"thickness\[1\]: either all items have a unit, or none"),
         ({"material.thickness": ["20 um", "0.02 mm"]}, r"thickness\[1\]: is item 1 of the list again"),
-        ({"material.thickness": ["none", "20 um"], "surface.sides": "free"}, "'layer' needs surface.sides: mirrored"),
+        ({"material.thickness": ["none", "20 um"], "surface.sides": "free"}, "a layer needs surface.sides: mirrored"),
         ({"material": {"E_star": "10 MPa", "thickness": "20 um"}}, "material.thickness: excluded by 'E_star'"),
         ({"material": {"thickness": "20 um"}, "material.thickness": "20 um"}, "material.thickness: needs 'E' and 'nu'"),
         (
@@ -82,7 +82,10 @@ def test_refused(keys, words):
 
 
 def test_a_layer_thinner_than_a_quarter_of_the_spacing_is_refused_before_the_run(tmp_path):
-    with pytest.raises(StudyError, match=r"material.thickness: the layer has a thickness of 0.1 spacings.*>= 0.25"):
+    with pytest.raises(
+        StudyError,
+        match=r"material.thickness: the layer has a thickness of 0.1 spacings.*>= 0.25.*the spacing is 10 um",
+    ):
         roughvol.check(loads(STUDY).changed(**{"material.thickness": "1 um"}))
     with pytest.raises(StudyError, match=r"material.thickness: the layer has a thickness of 0.1 spacings.*>= 0.25"):
         roughvol.check(loads(STUDY).changed(**{"material.thickness": ["1 um", "20 um"]}))
@@ -111,7 +114,7 @@ def test_press_has_the_numbers_of_the_study_of_the_layer(tmp_path, thickness, si
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"surface": {"sides": "free"}}, "argument thickness: 'layer' needs surface.sides: mirrored or periodic"),
+        ({"surface": {"sides": "free"}}, "argument thickness: a layer needs surface.sides: mirrored or periodic"),
         ({"solver": {"kernel": "punch"}}, r"""argument solver\["kernel"\]: 'punch' has no layer"""),
         ({"thickness": "0 um"}, "argument thickness: must be > 0, given 0"),
         ({"thickness": "1 MPa"}, "argument thickness: 'MPa' is a unit of pressure, not of length"),
