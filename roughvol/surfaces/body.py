@@ -19,8 +19,13 @@ Nodes = tuple[tuple[int, int], tuple[int, int]]
 class Body:
     """One rough body: its file, the sha256 of its content, and the reading of its numbers.
 
-    The file names ``unit``, the study ``heights_unit``. ``mirror`` is the axis that is reversed, ``read_as`` the layout
-    of a text, ``pixel_ratio`` the side of the pixels along y over that along x, where they are resampled.
+    Attributes
+    ----------
+    unit : unit of the heights in the file, where the file names it.
+    heights_unit : the same, where the study names it.
+    mirror : the axis that is reversed.
+    read_as : layout of a text, part of the identity of a case.
+    pixel_ratio : side of the pixels along y over that along x, where they are resampled.
     """
 
     file: Path
@@ -49,9 +54,17 @@ class Body:
 class Treatment:
     """The treatment of the heights, equal for each body.
 
-    Order: ``crop`` (first and last node along x and y), ``outliers`` (sigma, nodes a side of the window),
-    ``downsample`` (nodes a side of the blocks), ``resample``, ``level``, ``missing``, ``low_pass`` (cut-off [unit of
-    the study]).
+    The attributes are in the order of treatment.
+
+    Attributes
+    ----------
+    crop : first and last node along x and along y.
+    outliers : sigma, and nodes a side of the window.
+    downsample : nodes a side of the blocks that are averaged.
+    resample : whether oblong pixels are made square.
+    level : degree of the surface taken off.
+    missing : rule for missing heights.
+    low_pass : cut-off wavelength [unit of the study].
     """
 
     level: Levelling = "none"

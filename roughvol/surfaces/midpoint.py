@@ -125,6 +125,11 @@ def midpoint_levels(m: int) -> Index:
     -------
     ndarray of int, shape (2^m + 1, 2^m + 1)
         0 at the corners, 1 at the first centre, 2 at the first edge midpoints, … 2m at the last edge midpoints.
+
+    Raises
+    ------
+    SurfaceError
+        If m lies outside its interval.
     """
     m = _integer("m", m, 1, LARGEST_M)
     nodes = 2**m

@@ -69,9 +69,10 @@ def spectral(surface: Surface) -> Spectral:
 
 
 def octaves(surface: Surface) -> Array:
-    """Return the share of the variance in the waves k = 2^j to 2^(j+1) - 1 of each octave j, along x and along y.
+    """Return the share of the variance of the heights in each octave of waves, along x and along y.
 
-    Waves that run more along x than along y are in the first row, the others in the second, waves in between in both.
+    The octave j has the rings k = 2^j to 2^(j+1) - 1, whole octaves up to the shortest wave along an axis. Waves that
+    run more along x than along y are in the first row, the others in the second. Waves in between are in both.
     """
     power, conjugates = _powers(surface)
     along_x, along_y = np.meshgrid(

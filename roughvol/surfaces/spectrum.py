@@ -79,7 +79,7 @@ def slope_per_height(spectrum: Spectrum, hurst: float) -> float:
 
 
 def nayak(spectrum: Spectrum, hurst: float) -> float:
-    """Return Nayak's parameter α = m₀ m₄/m₂² = (3/2) M₀ M₄/M₂² ≥ 3/2 of the isotropic spectrum (Nayak 1971).
+    """Return Nayak's parameter of the isotropic spectrum, α = m₀ m₄/m₂² = (3/2) M₀ M₄/M₂² ≥ 3/2 (Nayak 1971).
 
     m are the moments of a profile: m₀ = h_rms², m₂ = h'_rms²/2, m₄ = (3/8) mean((∇²h)²). M is `moment`.
     """

@@ -126,7 +126,10 @@ class Surface:
 
     @cached_property
     def Sq(self) -> float:
-        """Root mean square of the heights about their mean plane, Sq = √mean((z - z̄)²) [length] (ISO 25178-2)."""
+        """Root mean square of the heights about their mean plane, Sq = √mean((z - z̄)²) [length] (ISO 25178-2).
+
+        Heights of any scale are brought to unit range first, because the squares of 1e-250 underflow.
+        """
         return self._moments[1]
 
     @property

@@ -73,7 +73,8 @@ def Sz(heights: Array) -> float:
 def Sdq(heights: Array, spacing: float) -> float:
     """Return the root mean square gradient, Sdq = √mean((∂z/∂x)² + (∂z/∂y)²) [1] (ISO 25178-2).
 
-    Central differences over 2δ on the interior nodes, exact for planes and blind to the wavelength 2δ.
+    Central differences over 2δ on the interior nodes. They are exact for planes and blind to the wavelength 2δ. A field
+    that is rough down to the lattice has larger slopes between neighbouring nodes.
     """
     if min(heights.shape) < 3:
         return math.nan
@@ -85,7 +86,10 @@ def Sdq(heights: Array, spacing: float) -> float:
 
 
 def summits(heights: Array) -> Mask:
-    """Return where the summits are: interior nodes strictly higher than each of their eight neighbours."""
+    """Return where the summits are: interior nodes strictly higher than each of their eight neighbours.
+
+    A plateau of equal nodes has no summit, and neither has the boundary, whose neighbourhood is not known.
+    """
     rows, columns = heights.shape
     inner = heights[1:-1, 1:-1]
     higher = np.ones(inner.shape, dtype=np.bool_)
@@ -104,10 +108,10 @@ def summit_plane(heights: Array) -> float:
 
 
 def summit_radius(heights: Array, spacing: float) -> float:
-    """Return the radius of curvature of the summits, ρ = 1/mean(κ) [length], of the plasticity index.
+    """Return the radius of curvature of the summits, ρ = 1 / mean(κ) [length].
 
     κ = -½ (∂²z/∂x² + ∂²z/∂y²) at each summit, by second differences over δ. 1/ρ is the Spc of ISO 25178-2 over the
-    nodes of `summits` instead of pruned peaks.
+    nodes of `summits` instead of pruned peaks. ρ is that of the plasticity index.
     """
     i, j = np.nonzero(_some_summits(heights))
     top = heights[i, j]
@@ -124,19 +128,20 @@ def material_ratio(heights: Array, levels: ArrayLike) -> Array:
 
 
 def Svi(heights: Array) -> float:
-    """Return the valley fluid retention index, Svi = mean(max(h₂₀ - z, 0)) / Sq [1], 0.112 for a Gaussian, NaN if flat.
+    """Return the valley fluid retention index, Svi = mean(max(h₂₀ - z, 0)) / Sq [1], NaN if flat.
 
     h₂₀ is the plane that leaves 20 % of the heights below it (the paper's Section 3.2; Dong, Sullivan & Stout 1994).
+    Gaussian heights give 0.112.
     """
     unit = standardised(heights)
     return float(np.maximum(np.quantile(unit, 0.20) - unit, 0.0).mean())
 
 
 def Sbi(heights: Array) -> float:
-    """Return the surface bearing index, Sbi = Sq / ζ₀₅ [1], 0.608 for a Gaussian, larger if it bears better.
+    """Return the surface bearing index, Sbi = Sq / ζ₀₅ [1], NaN if flat.
 
-    ζ₀₅ is the height above the mean plane that leaves 5 % of the heights above it (Dong, Sullivan & Stout 1994). NaN if
-    flat.
+    ζ₀₅ is the height above the mean plane that leaves 5 % of the heights above it (Dong, Sullivan & Stout
+    1994). Gaussian heights give 0.608; a larger number is a surface that bears better.
     """
     level = float(np.quantile(standardised(heights), 0.95))
     return 1.0 / level if level != 0.0 else math.nan
@@ -145,7 +150,7 @@ def Sbi(heights: Array) -> float:
 def structure_function(heights: Array, lags: Index, *, periodic: bool = False) -> Array:
     """Return the structure function, S(l) = mean((z(x + l) - z(x))²) [length²], the mean of both axes.
 
-    A self-affine surface has S ~ l^(2H); far beyond its correlation length S is 2 Sq². Lags l are in nodes, from 1 to
+    A self-affine surface has S ~ l^(2H). Far beyond its correlation length S is 2 Sq². Lags l are in nodes, from 1 to
     the shorter axis less one. Squares of the heights must be in the range of doubles.
     """
     longest = min(heights.shape) - 1
@@ -168,10 +173,10 @@ def structure_function(heights: Array, lags: Index, *, periodic: bool = False) -
 def hurst_structure(heights: Array, spacing: float = 1.0, *, periodic: bool = False) -> float:
     """Return the Hurst exponent from `structure_function`, H = ½ d log S / d log l.
 
-    Least squares over the lags l = 1, 2, 4, … δ up to an eighth of the shorter side (at least 1 and 2). S converges
-    slowly: midpoint surfaces at m = 8 give 0.67 for H = 0.8, and 0.24 for H = 0.2 (tests/surfaces/test_texture.py holds
-    the bounds). `hurst_spectrum` is closer and noisier. NaN for fewer than 3 nodes on an axis, or if S vanishes at a
-    lag.
+    Least squares over the lags l = 1, 2, 4, … δ up to an eighth of the shorter side (at least 1 and 2).
+    S converges slowly to its power law near H = 0 and H = 1. Midpoint surfaces at m = 8 give 0.67 for H = 0.8, and 0.24
+    for H = 0.2 (tests/surfaces/test_texture.py holds the bounds). `hurst_spectrum` is closer and noisier.
+    NaN for fewer than 3 nodes on an axis, or if S vanishes at a lag.
     """
     if min(heights.shape) < 3:
         return math.nan
@@ -190,11 +195,12 @@ def dyadic_lags(longest: int) -> Index:
 def hurst_spectrum(heights: Array, spacing: float = 1.0, *, periodic: bool = False) -> float:
     """Return the Hurst exponent from the power spectrum, C(q) ~ q^(-2-2H) in two dimensions.
 
-    Heights of a patch about their weighted mean are multiplied by a parabolic (Welch) window. |FFT|² is averaged over
-    eight rings of equal width in log q. H comes from least squares over 4 q₀ ≤ q < q_N / 2, with q₀ = 2π / shorter side
-    and q_N = π / δ: below, the window counts; above, aliasing does. Midpoint surfaces of H = 0.2 … 0.8 give H - 0.05 on
-    average at m = 8, and deviate by 0.04 between seeds (tests/surfaces/test_texture.py holds the bounds). NaN for fewer
-    than 33 nodes on an axis (32 of a period), or flat heights.
+    The heights about their weighted mean are multiplied by a parabolic (Welch) window. |FFT|² is averaged over eight
+    rings of wave vectors, of equal width in log q. H comes from least squares of log C against log q over
+    4 q₀ ≤ q < q_N / 2. Here q₀ = 2π / shorter side and q_N = π / δ. Below, the window counts; above, aliasing does.
+    Midpoint surfaces of H = 0.2 … 0.8 give H - 0.05 on average at m = 8. The deviation between seeds is 0.04
+    (tests/surfaces/test_texture.py holds the bounds). One period has its waves exactly, and is not multiplied by a
+    window. NaN for fewer than 33 nodes on an axis (32 of a period), or flat heights.
     """
     cells = intervals(min(heights.shape), periodic)
     if cells < FEWEST_CELLS_FOR_SPECTRUM:

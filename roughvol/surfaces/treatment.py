@@ -34,18 +34,22 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
         |r - med_w(r)| > sigma s,   s = 1.4826 med |r - med(r)|
 
     where r are the heights less a plane (or quadratic). med_w is the median of the known heights in the window around
-    the node, med that of the whole map. Both medians ignore what up to half of the heights are (Huber 1981), so spikes
-    hide neither themselves nor each other. It is the identifier of Hampel (1974) with the deviation of the whole map in
-    place of that of the window: peaks and grooves of a real surface have high or deep neighbours and stay, and so does
-    ordinary texture beside a smooth part.
+    the node, med that of the whole map. Both medians ignore what up to half of the heights are (Huber 1981), so
+    spikes hide neither themselves nor each other. It is the identifier of Hampel (1974) with the deviation of the whole
+    map in place of that of the window. This matters twice:
+
+    - A high peak or a deep groove of a real surface is no outlier, as its neighbours are high or deep as well. A
+      distance from the mean plane would cut both; of honed surfaces it would cut the grooves.
+    - The deviation inside a window is small on smooth parts of a surface. In units of that, ordinary texture beside a
+      smooth part would be cut.
 
     Of white noise with normal heights, r - med_w(r) deviates by less than 1.1 s, and of smoother heights by less. At
-    sigma = 6 that is fewer than one height in 10⁷. A patch of dust that fills more than half of the window stays.
-    Corners of a wall are cut if it rises by more than sigma s from node to node.
+    sigma = 6 that is fewer than one height in 10⁷. A patch of dust that fills more than half of the window is its
+    own median and stays. Corners of a wall are cut if it rises by more than sigma s from node to node.
 
     The plane is fitted again without heights farther than sigma s from it, until these are the same twice, or `ROUNDS`
-    times. Where less than half of a window is known, the reference is the plane: heights alone in a hole are often
-    wrong.
+    times. Otherwise the outliers would tilt it, and a tilt would raise s. Where less than half of a window is known,
+    the reference is the plane: heights alone in a hole are often wrong and have no neighbours to show it.
     """
     known = ~np.isnan(heights)
     rest, middle, deviation = _robust(heights, known, sigma, degree)
@@ -108,9 +112,10 @@ def _robust(heights: Array, known: Mask, sigma: float, degree: str) -> tuple[Arr
 
 
 def block_means(heights: Array, side: int) -> Array:
-    """Return the means of the known heights in blocks of nodes, NaN where more than half of a block is not known.
+    """Return the means of the known heights in blocks of nodes, k times as far apart as the nodes.
 
-    Rows and columns at the end that fill no block are left out.
+    The mean of a plane over a block is the plane in the middle of the block. A mean is NaN where more than half of its
+    block is not known. Rows and columns at the end that fill no block are left out.
     """
     rows, columns = (nodes // side for nodes in heights.shape)
     blocks = heights[: rows * side, : columns * side].reshape(rows, side, columns, side)
@@ -122,9 +127,11 @@ def block_means(heights: Array, side: int) -> Array:
 def squared(heights: Array, ratio: float) -> Array:
     """Return the heights on square pixels of the finer of the two spacings, by cubic splines along the coarser axis.
 
-    The ratio is the side of the pixels along y over that along x. A node between two others is NaN if one of them is. A
-    cubic spline keeps waves of four pixels and more to 3 % of their amplitude, wherever the new nodes fall. Linear
-    interpolation takes off up to 1 - cos(π/4) = 29 %, unevenly over the map. Planes are exact.
+    The ratio is the side of the pixels along y over that along x. A node between two others is NaN if one of them is.
+    Interpolation onto the finer spacing leaves every wave that the map holds. A cubic spline keeps waves of four pixels
+    and more to 3 % of their amplitude, wherever the new nodes fall between the old. Linear interpolation takes off up
+    to 1 - cos(π/4) = 29 %, and nothing where old and new nodes meet, so roughness would vary over the map. Planes are
+    exact.
     """
     axis = 1 if ratio > 1.0 else 0
     finer = ratio if ratio > 1.0 else 1.0 / ratio
@@ -142,10 +149,11 @@ def squared(heights: Array, ratio: float) -> Array:
 
 
 def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
-    """Return the heights less the least-squares surface of the known ones, or of some of them (``among``).
+    """Return the heights less the least-squares surface of the known ones.
 
-    z' = z - Σ c_ab x^a y^b over a + b ≤ n, where the c minimise Σ z'². The degree n is 0 for ``mean``, 1 for ``tilt``
-    (a plane) and 2 for ``quadratic``. ``none`` takes nothing off.
+    z' = z - Σ c_ab x^a y^b over a + b ≤ n, where the c minimise Σ z'² over the nodes with known z. The degree n is 0
+    for ``mean``, 1 for ``tilt`` (a plane) and 2 for ``quadratic``. ``none`` takes nothing off. ``among`` restricts the
+    fit to some of the known nodes.
     """
     if kind not in LEVELS:
         raise SurfaceError(f"level must be one of {', '.join(map(repr, LEVELS))}, got {kind!r}")
@@ -173,8 +181,9 @@ def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
 def fill(heights: Array, rule: str, *, periodic: bool = False) -> Array:
     """Return the heights with those filled in that are not known, at most half of them.
 
-    ``nearest`` takes the height of the nearest known node. With ``interpolate`` every filled height is the mean of its
-    4 neighbours, 3 or 2 at the rim (the discrete Laplace equation): smooth, and exact for a plane away from the rim.
+    ``nearest`` takes the height of the nearest known node (of several equally near ones always the same). With
+    ``interpolate`` every filled height is the mean of its 4 neighbours, 3 or 2 at the rim (the discrete Laplace
+    equation). This is smooth, exact for a plane away from the rim, and within the known heights around the hole.
     """
     if rule not in FILLS:
         raise SurfaceError(f"missing must be one of {', '.join(map(repr, FILLS))}, got {rule!r}")
@@ -198,9 +207,9 @@ def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
 
         s(x) = exp(-π (x/(α λc))²) / (α λc),   α = √(ln 2/π),   transmission exp(-π (α λc/λ)²)
 
-    along x and along y; together they weigh by distance alone. A wave of wavelength λc keeps half its amplitude, if the
-    lattice samples it (λc ≳ 4 δ). At the edges the weights inside are scaled up to a sum of one: a constant passes
-    unchanged everywhere, a plane at 1.5 λc and more from the edge.
+    along x and along y; together they weigh by distance alone. A wave of wavelength λc in any direction keeps half its
+    amplitude, if the lattice samples it (λc ≳ 4 δ). At the edges the weights inside are scaled up to a sum of one. A
+    constant then passes unchanged everywhere, a plane at 1.5 λc and more from the edge.
     """
     shorter = spacing * (min(heights.shape) - 1)
     if not 2.0 * spacing <= cut_off <= shorter:
@@ -251,7 +260,10 @@ def _nearest(missing: Mask, periodic: bool) -> tuple[Index, Index]:
 
 
 def _harmonic(heights: Array, missing: Mask, periodic: bool) -> Array:
-    """Return the missing heights from the discrete Laplace equation, with natural conditions at the rim of a patch."""
+    """Return the missing heights from the discrete Laplace equation, with natural conditions at the rim.
+
+    A period has no rim.
+    """
     from scipy.sparse import linalg  # for holes alone
 
     rows, columns = heights.shape

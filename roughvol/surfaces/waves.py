@@ -4,8 +4,10 @@ Conventions: the field is z(x) = Σ c_k exp(2πi k·x/L) over wave vectors k = (
 conjugate of c_k. The waves are those of `spectrum`, k_e < L/λ_s with k_e = √((ε i)² + j²) and ε the anisotropy. A grid
 of n × n nodes, L/n apart, holds the waves of |k| < n/2: coarser grids are the same field with the high waves cut.
 
-Numbers are drawn wave by wave, low waves first, so levels of an ensemble are nested. SurfaceTopography and rfgen draw
-theirs for the whole grid: equal seeds on two grids are other surfaces. GSTools has no roll-off and no cut-off.
+SurfaceTopography (``fourier_synthesis``) and rfgen make such fields too. They draw their random numbers for the whole
+grid, so equal seeds on two grids are other surfaces. GSTools sums modes node by node, for covariance models without a
+roll-off and a cut-off. Here the numbers are drawn wave by wave, low waves first: levels of an ensemble are nested. For
+other height distributions rfgen orders ranks (IAAFT). The transform here is smooth, and gives Ssk itself.
 """
 
 from __future__ import annotations
@@ -39,9 +41,10 @@ def power_law_surface(spectrum: Spectrum, hurst: float, n: int, *, side: float =
     also those that a coarse grid cannot hold. The sample mean is zero.
 
     A skewness is given by a translation field: a monotone transform of the Gaussian field, whose waves then get their
-    amplitudes back. The spectrum is that of the Gaussian field of the same seed. The skewness is exact to 1e-8 on the
-    grid of the smallest power of two n ≥ 2 L/λ_s. The rest of the height distribution is near Pearson's type III: the
-    mean kurtosis is 3 + 1.5 Ssk² to 10 % for abs(Ssk) ≤ 1.
+    amplitudes back. The spectrum is exactly that of the Gaussian field of the same seed. The skewness is exact to 1e-8
+    on the grid of the smallest power of two n ≥ 2 L/λ_s. The rest of the height distribution is near Pearson's type III
+    and not exactly it: the mean kurtosis is 3 + 1.5 Ssk² to 10 %
+    for abs(Ssk) ≤ 1.
 
     Parameters
     ----------
@@ -115,7 +118,11 @@ def skewed(waves: Waves, spectrum: Spectrum) -> Waves:
 
     A translation is z ↦ f_s(z/σ) followed by the given amplitudes with the phases of its waves. It is repeated twice.
     f_s is Wilson and Hilferty's cube (1931), the nearly exact map from a normal variable to one of Pearson's type III
-    of skewness s, f_s(y) = (2/s) ((1 + s y/6 - s²/36)³ - 1), monotone in y. The Ssk of the result decides s.
+    of skewness s,
+
+        f_s(y) = (2/s) ((1 + s y/6 - s²/36)³ - 1),
+
+    monotone in y for every s. The parameter s is searched for until Ssk of the result is met.
     """
     if spectrum.Ssk is None:
         return waves

@@ -1,7 +1,8 @@
 """The paper's figures, each a function of a dataset (table: `registry`).
 
 Nothing is solved here. A figure adds presentation to the stored numbers: the mean over seeds on a common axis, a
-straight line through points, a height from a gap. It prints each choice (D, m, state, fit range).
+straight line through points, a height from a gap. It prints each choice (D, m, state, fit range). A note below it names
+the figure of the paper or, where the conditions are others, the run.
 
 Conventions: starred quantities are dimensionless, other labels carry the units of the dataset. For D, m and state
 see `report.figures.cases`. A single surface is drawn through its computed states, and markers are computed states.
@@ -119,7 +120,11 @@ def _densities(ds: Dataset, by: str, m: float = FINEST, *, log: bool = False) ->
 
 
 def fig01(ds: Dataset) -> Drawing:
-    """Fig. 1: the first half steps of the random midpoint displacement, with arrows from averaged to new nodes."""
+    """Fig. 1: the first half steps of the random midpoint displacement.
+
+    Colour is the height of a node, shape the half step that gave it. Arrows run from the nodes whose heights are
+    averaged to the new node, to which a random number is then added; nodes that exist never move.
+    """
     case, name = single(ds, "heights")
     depth = min(int(case["m"]), 2)
     stride, half = 2 ** (int(case["m"]) - depth), 2 ** (depth - 1)
@@ -170,8 +175,9 @@ def fig04a(ds: Dataset) -> Drawing:
 def fig04b(ds: Dataset) -> Drawing:
     """Fig. 4b: A* against p* by m, and its slope against the spacing, A*/p* ~ δ^n.
 
-    The slope is that of `evidence.slopes_of_area`; n is fitted to the mean logarithms at the four finest m (coarser
-    lattices have a handful of contact elements). Beside it the paper's 0.37 (for D = 2.3) and Persson's D - 2.
+    The slope is that of the least-squares line through the origin over 0 < p* ≤ the largest pressure that all curves
+    reach; n is the least-squares line through the mean logarithms at the four finest m (coarser lattices have a
+    handful of contact elements). Beside it the paper's 0.37 (for D = 2.3) and Persson's D - 2, through the same centre.
     """
     fig, (left, right) = axes(PAGE, 3.0, 2)
     some, title = families(ds, "m", P, A)
@@ -232,7 +238,10 @@ def fig07b(ds: Dataset) -> Drawing:
 
 
 def fig08(ds: Dataset) -> Drawing:
-    """Fig. 8: a surface before contact and pressed to A* near 0.1, z_max - Δ - g, from the undeformed mean plane."""
+    """Fig. 8: a surface before contact and pressed (contact dark blue) at A* near 0.1, from the undeformed mean plane.
+
+    The deformed height is the plane less the gap, z_max - Δ - g: all of the deformation is drawn on the rough side.
+    """
     case, name, words = state(ds, "field_at", "heights", "gap")
     before, gap = own(case["heights"]), own(case["gap"])
     before = (before - before.mean()) / float(case["Sq"])
@@ -289,7 +298,10 @@ def fig11b(ds: Dataset) -> Drawing:
 
 
 def fig12a(ds: Dataset) -> Drawing:
-    """Fig. 12a: density of the free volumes by D at m = 7; dotted v = 1, the paper's fulcrum, on its surfaces alone."""
+    """Fig. 12a: density of the free volumes by D at m = 7, on bins that hold enough elements (`families.merged`).
+
+    Dotted, for the paper's surfaces alone: v = 1, where the paper sees a fulcrum. In other units v = 1 means nothing.
+    """
     fig, ax, _ = _densities(ds, "D", PAPER_M)
     if is_paper_surface(ds) and fig.shown["m"] == [PAPER_M] and ax.get_xlim()[1] > 1.0:
         ax.axvline(1.0, color=GREY, lw=0.7, ls=":", zorder=0)
@@ -298,7 +310,11 @@ def fig12a(ds: Dataset) -> Drawing:
 
 
 def fig12b(ds: Dataset) -> Drawing:
-    """Fig. 12b: density of the free volumes by m, and the line through (mean of v, mean of f over its stored bins)."""
+    """Fig. 12b: density of the free volumes by m, and the line through (mean of v, mean of f over its stored bins).
+
+    The curves are on bins joined until each holds enough elements and is wide enough for the axis; a star is of the
+    stored equal bins, as the paper's.
+    """
     fig, ax, some = _densities(ds, "m", log=True)
     ax.set(xscale="log", yscale="log")
     means = []

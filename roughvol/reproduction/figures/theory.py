@@ -60,7 +60,10 @@ def _noted(fig: Drawing, *runs: Run) -> Drawing:
 
 
 def theory_separation(evidence: Evidence) -> Drawing:
-    """V* against d/σ: the computed mean, V* = d/σ, V* = d/σ + 0.9464 p* (a uniformly loaded specimen), and Eq. 4."""
+    """V* against d/σ: the computed mean, V* = d/σ, V* = d/σ + 0.9464 p* (a uniformly loaded specimen), and Eq. 4.
+
+    Dotted: the bearing area of Gaussian heights, the volume under a rigid plane. What lies above it is elastic.
+    """
     run = evidence.best(Needs((V, P, D_SIGMA), end=END))
     m, ends = max(run.m), list(dict.fromkeys((run.D[0], run.D[-1])))
     fig, ax = axes()
@@ -82,7 +85,10 @@ def theory_separation(evidence: Evidence) -> Drawing:
 
 
 def theory_bearing(evidence: Evidence) -> Drawing:
-    """V* against A*: computed, and Eq. 4 along the same loading, with and without its factor 1 - A*."""
+    """V* against A*: computed, and Eq. 4 along the same loading, with and without its factor 1 - A*.
+
+    Eq. 4 is evaluated at the computed d/σ and A*, for Gaussian heights and for the heights of the surfaces.
+    """
     run = evidence.best(Needs((V, A, D_SIGMA), D=(PAPER_D,), end=END))
     m = max(run.m)
     separation, area, volume = (run.values(name, D=PAPER_D, m=m) for name in (D_SIGMA, A, V))
@@ -107,7 +113,11 @@ def theory_bearing(evidence: Evidence) -> Drawing:
 
 
 def theory_bins(evidence: Evidence) -> Drawing:
-    """V* of Eqs. 7 to 10 from the box dimensions of one field, against the number K of bins."""
+    """V* of Eqs. 7 to 10 from the box dimensions of one field, against the number K of bins.
+
+    As printed (each element counted at the width of its bin) the sum falls as 1/K; counted at the volume of the bin
+    it converges to the computed V* (dashed).
+    """
     run = evidence.best(Needs(("gap",)))
     state = shape.field(run)
     fig, ax = axes()
@@ -123,7 +133,10 @@ def theory_bins(evidence: Evidence) -> Drawing:
 
 
 def theory_dimension(evidence: Evidence) -> Drawing:
-    """Show the box dimension of the contact against pressure (left) and A* (right), by D: every surface and state."""
+    """Show the box dimension of the contact against pressure (left) and A* (right), by D: every surface and state.
+
+    At equal pressure it rises with p* and falls with D. At equal area the difference between D is smaller, but there.
+    """
     run = evidence.best(Needs(("box_count",), by="D"))
     m = max(run.m)
     labels = run.dataset["box_at"].values.tolist()
@@ -163,7 +176,11 @@ def theory_persson(evidence: Evidence) -> Drawing:
 
 
 def theory_start(evidence: Evidence) -> Drawing:
-    """Show the start of contact: p* against Δ/σ, one element (p = Δ/H₀), and Hertz on the highest summit."""
+    """Show the start of contact: p* against Δ/σ, one element (p = Δ/H₀), and Hertz on the highest summit.
+
+    Until a second element touches, the computed points lie on the line of one element: the lattice does not resolve
+    the tip, whose radius (mean curvature of the highest node) is below the spacing.
+    """
     runs = evidence.fit(Needs((P, "indentation"), end="indentation"))
     require(runs, "a sweep to a small indentation")
     run = runs[0]
@@ -195,7 +212,10 @@ def theory_start(evidence: Evidence) -> Drawing:
 
 
 def readings_exponent(evidence: Evidence) -> Drawing:
-    """A*/p* against the spacing under both readings of the midpoint law, with the fitted exponents."""
+    """A*/p* against the spacing under both readings of the midpoint law, for every surface, with the fitted exponents.
+
+    The default (standard deviation divided) has the paper's exponent; the printed variance has nearly twice that.
+    """
     fig, ax = axes()
     used_runs: list[Run] = []
     for law, look in zip(("std", "variance"), looks(2), strict=True):
@@ -220,7 +240,10 @@ def readings_exponent(evidence: Evidence) -> Drawing:
 
 
 def readings_fulcrum(evidence: Evidence) -> Drawing:
-    """Show how much the mean f(v) spreads over D at each v under each reading: a fulcrum would be a zero."""
+    """Show how much the mean f(v) spreads over D at each v under each reading: a fulcrum would be a zero.
+
+    The paper sees it at v = 1 (dotted).
+    """
     fig, ax = axes()
     sources = (
         ("std", "mean-plane", "default"),
@@ -267,7 +290,10 @@ def full_contact(evidence: Evidence) -> Drawing:
 
 
 def volume_by_m(evidence: Evidence) -> Drawing:
-    """V* on the mean plane against m: as a mean over the elements, and as the literal sum V/(L²σ)."""
+    """V* on the mean plane against m: as a mean over the elements, and as the literal sum V/(L²σ).
+
+    The decay of the literal sum is the factor (1 + 2^-m)², the elements that stick out of L².
+    """
     run = evidence.best(Needs((V,), by="m", D=(PAPER_D,), end=END))
     values = np.array([run.last(V, D=PAPER_D, m=m) for m in run.m])
     factor = np.array([[(1.0 + 2.0**-m) ** 2] for m in run.m])
@@ -282,7 +308,10 @@ def volume_by_m(evidence: Evidence) -> Drawing:
 
 
 def shift(evidence: Evidence) -> Drawing:
-    """Mean volume of the open elements against m, with a shift per m of 0.602 (area of an element) and of D log₁₀ 2."""
+    """Mean volume of the open elements against m, with a shift per m of 0.602 (area of an element) and of D log₁₀ 2.
+
+    The thin lines are single surfaces; the paper's numbers are 8 at m = 6 and 2 at m = 7 (crosses).
+    """
     run = evidence.best(Needs((density.F, density.EDGES), by="m", D=(PAPER_D,), end=END))
     means = np.array([volume for volume, _, _ in density.moments(run, PAPER_D).values()])
     fig, ax = axes()
@@ -301,7 +330,10 @@ def shift(evidence: Evidence) -> Drawing:
 
 
 def seeds(evidence: Evidence) -> Drawing:
-    """How far few surfaces can mislead: single surfaces (bars) and means of ten (line), out of all of a run."""
+    """How far few surfaces can mislead: single surfaces (bars) and means of ten (line), out of all of a run.
+
+    Left the exponent of A*/p*, right V* at d = 0 of the smallest and the next D, which single surfaces confuse.
+    """
     runs = [run for run in evidence.fit(Needs((A, P, V), by="m", end=END)) if run.seeds >= 3 * FEW]
     require(runs, f"a run of {3 * FEW} surfaces and several m")
     run = max(runs, key=lambda run: run.seeds)

@@ -57,7 +57,10 @@ class HeightMap:
 
 @dataclass(frozen=True)
 class Request:
-    """A height file as a study requests it, with the open files; a reader is a function of it."""
+    """A height file as a study requests it; a reader is a function of it that returns a `HeightMap`.
+
+    The heights are read while the files are open.
+    """
 
     path: Path
     variable: str | None  # array, channel or page, by its name or its number from 0
@@ -107,7 +110,10 @@ def names_no_heights(name: str) -> bool:
 
 
 def map_shape(path: Path, shape: tuple[int, ...]) -> tuple[int, int]:
-    """Return the shape of a map; refuse other arrays before they are read, and more nodes than `MAX_NODES`."""
+    """Return the shape of a map; refuse other arrays before they are read, and more nodes than `MAX_NODES`.
+
+    A small compressed file may hold any number of zeros.
+    """
     if len(shape) != 2 or min(shape) < FEWEST:
         raise SurfaceError(f"{path}: heights have shape {shape}; allowed: two dimensions of at least 3 nodes each")
     if math.prod(map(int, shape)) > MAX_NODES:

@@ -5,7 +5,8 @@ axis is one pixel shorter than all its pixels. The library recognises a format b
 mark (NMS, HGT) count only in files with this ending. HDF5 and MATLAB hold arrays of any meaning: of several, one is
 named. Channels that are no heights by their kind, unit or name are refused.
 
-NMS has no unit of its pixels: the library reads mm, surfalize nm. So the length of the axis is that of the study.
+NMS has no unit of its pixels. The library takes the numbers for mm, the reader of surfalize for nm: 512 pixels of 312.5
+are 160 m or 160 um. So the length of the axis is that of the study.
 """
 
 from __future__ import annotations

@@ -1,8 +1,10 @@
 """Heights in memory as a file: arrays, masked arrays, quantities of pint, arrays of xarray, Topographies.
 
-The rules for files then hold for heights in memory as well, see `netcdf`. A plain array becomes ``.npy``. Everything
-with labels or units becomes netCDF-3, whose bytes depend on the content alone. Attributes tell the objects apart: no
-library is imported for them.
+The file has all that the object has: missing heights, names of axes, coordinates, units. The rules for files then hold
+for heights in memory as well, see `netcdf`. A plain array becomes ``.npy``. Everything with labels or units becomes
+netCDF-3, whose bytes depend on the content alone.
+
+Attributes tell the objects apart: no library is imported for them.
 """
 
 import re

@@ -2,7 +2,9 @@
 
 Conventions: dimensions (y, x) are transposed, so that the first axis is x. Without such names the order of the file
 stays. Both axes ascend with the index if they have coordinates. Heights are positive up: those of a variable with the
-attribute ``positive = "down"``, as depths, are turned over. The reader of SurfaceTopography ignores the order of the
+attribute ``positive = "down"``, as depths, are turned over.
+
+The reader of SurfaceTopography takes classic netCDF with a variable ``heights`` alone. It ignores the order of the
 dimensions, and the attribute ``units``.
 """
 

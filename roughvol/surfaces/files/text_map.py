@@ -6,7 +6,10 @@ coordinates: both axes ascend with the index. Nodes of a grid without a point ar
 
 Known header lines are the exports of Gwyddion (``# Width: 10.00 µm``), ESRI ASCII grids, units of heights alone, and
 names of columns with their units (``X [µm]; Y [µm]; Z [nm]``). Any other line with a size or a unit is kept as
-``unclear``: ignored, it might scale the map wrongly. SurfaceTopography would skip every line that is not numbers.
+``unclear``: ignored, it might scale the map wrongly.
+
+The readers of SurfaceTopography skip every line that is not numbers: a row with ``***`` is lost. They take no decimal
+commas, semicolons, ESRI headers or NODATA values.
 """
 
 from __future__ import annotations
