@@ -85,6 +85,7 @@ class Answer:
     - ``nominal``: pressure p₀ of the same p* at the E* and Sq of the study
     - ``times``: value over the E* or Sq of the study; 1 for a pressure
     - ``between``: p* of the two steps around the value
+    - ``steps``: nominal pressures of these steps, with their unit in ``load_unit``
     - ``surface``: the leakiest surface, which decides
     - ``budget``: errors of a leak card that are in the interval
     """
@@ -100,6 +101,8 @@ class Answer:
     surface: str
     surfaces: int
     budget: Errors | None = None
+    steps: tuple[float, float] = (math.nan, math.nan)
+    load_unit: str = "1"
 
     @property
     def found(self) -> bool:
@@ -363,10 +366,10 @@ def _recorded(run: Dataset) -> str:
     """Return the recorded states under fluid pressure, each with its load."""
     name = closing.load_of(run)
     unit = str(run[name].attrs.get("units", "1"))
-    per_starred = float((run[name] / run["mean_pressure"]).mean())
+    per_starred = (run[name] / run["mean_pressure"]).mean("step")  # of each surface: its E* and Sq
     words = []
     for label in run[leak.STATE].values.tolist() if leak.STATE in run.dims else []:
-        load = float(run[f"{leak.STATE}_mean_pressure"].sel({leak.STATE: label}).mean()) * per_starred
+        load = float((run[f"{leak.STATE}_mean_pressure"].sel({leak.STATE: label}) * per_starred).mean())
         load_words = f"p* = {load:.4g}" if unit == "1" else f"{load:.4g} {unit}"
         words.append(f"{label}: {load_words}" if math.isfinite(load) else label)
     return "; ".join(words)
@@ -411,11 +414,11 @@ def _answer(run: Dataset, axis: str, needed: list[_Needed], unknown: str, pressu
     decides = max(needed, key=lambda one: (one.load.value, one.load.low, one.load.high))
     low, high = (max(getattr(one.load, end) for one in needed) for end in ("low", "high"))
     nominal = LoadReading(decides.load.value, low, high, decides.load.closing)
-    between = _around(decides, nominal.value)
-    rest = (decides.surface, len(needed), decides.budget)
+    between, steps = (_around(decides, nominal.value, along) for along in (decides.starred, decides.pressure))
+    load_unit = str(run[closing.load_of(run)].attrs.get("units", "1"))
+    rest = (decides.surface, len(needed), decides.budget, steps, load_unit)
     if unknown == "pressure":
-        unit = str(run[closing.load_of(run)].attrs.get("units", "1"))
-        return Answer(axis, nominal.value, nominal.low, nominal.high, unit, nominal, 1.0, between, *rest)
+        return Answer(axis, nominal.value, nominal.low, nominal.high, load_unit, nominal, 1.0, between, *rest)
     size, unit = _modulus(run) if unknown == "modulus" else (decides.Sq, str(run.attrs.get("length_unit", "")))
     times, low, high = (_over(pressure, load) for load in (nominal.value, nominal.high, nominal.low))
     return Answer(axis, size * times, size * low, size * high, unit, nominal, times, between, *rest)
@@ -433,8 +436,8 @@ def _modulus(run: Dataset) -> tuple[float, str]:
     return study.material.contact_modulus, study.material.unit or ""
 
 
-def _around(one: _Needed, at: float) -> tuple[float, float]:
-    """Return p* of the steps around a nominal pressure; 0 before the first step, infinite beyond the last."""
+def _around(one: _Needed, at: float, loads: Array) -> tuple[float, float]:
+    """Return the loads of the steps around a nominal pressure; 0 before the first step, infinite beyond the last."""
     k = int(np.searchsorted(one.pressure, at * (1.0 - 1e-12)))
-    low = float(one.starred[k - 1]) if k else 0.0
-    return low, float(one.starred[k]) if k < one.starred.size else math.inf
+    low = float(loads[k - 1]) if k else 0.0
+    return low, float(loads[k]) if k < loads.size else math.inf

@@ -80,9 +80,9 @@ def ask(
         say(f"along {answer.axis}: {_words(answer, unknown, closed=closed)}")
         if answer.budget is not None:
             say(f"  {_of_budget(answer)}")
-    if any(answer.found for answer in found.answers):
-        for line in beyond(found.run.name, found.run.dataset, has_errors=budget):
-            say(line)
+    errors = budget or not any(answer.found for answer in found.answers)  # without an answer no errors are missing
+    for line in beyond(found.run.name, found.run.dataset, has_errors=errors):
+        say(line)
     if narrower and not budget:
         say(f"Solved states narrow the interval: {narrower}")
 
@@ -124,9 +124,9 @@ def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
     if answer.nominal.value == 0.0:
         first = "the first step is closed" if closed else "the first step leaks less"
         every = f" of all {answer.surfaces} surfaces" if answer.surfaces > 1 else ""
-        return f"any {unknown} of p* = {high} or more: {first}{every}; smaller loads are not stored"
+        return f"any {unknown} of {_load(answer, 1)} or more: {first}{every}; smaller loads are not stored"
     if not answer.found:
-        return f"no {unknown} within the stored loads, up to p* = {low}{of}"
+        return f"no {unknown} within the stored loads, up to {_load(answer, 0)}{of}"
     unit = "" if answer.unit == "1" else f" {answer.unit}"
     name = {"pressure": "pressure" if unit else "p* =", "modulus": "modulus E* =", "Sq": "Sq"}[unknown]
     if answer.nominal.closing and answer.low < answer.value == answer.high:
@@ -139,6 +139,14 @@ def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
     if unknown != "pressure":
         text += f", {number(answer.times, 3)} times the {'E*' if unknown == 'modulus' else 'Sq'} of the study"
     return f"{text}, between the steps p* = {low} and {high}{of}"
+
+
+def _load(answer: Answer, end: int) -> str:
+    """Return p* of a step around an answer, with its nominal pressure where the study has units."""
+    from roughvol.analysis.tables import number
+
+    starred = f"p* = {number(answer.between[end])}"
+    return starred if answer.load_unit == "1" else f"{starred} ({number(answer.steps[end])} {answer.load_unit})"
 
 
 def _interval(answer: Answer, unknown: str, unit: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import shlex
 from pathlib import Path
 from typing import Any
@@ -332,6 +333,19 @@ def test_the_leak_under_fluid_pressure_is_not_read_off_the_dry_leak(
         assert "the leak under fluid pressure is known at recorded states alone" in said
         assert "pressure=0.05 MPa: 0.05 MPa; pressure=0.1 MPa: 0.1 MPa" in said
         assert "record.fluid_pressure.at" in said
+
+
+def test_recorded_loads_are_those_of_each_surface_and_a_list_is_named_with_its_unit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    listed = LIFT.replace("E_star: 10 MPa", "E_star: [5 MPa, 20 MPa]").replace("steps: 6", "steps: 2")
+    Path("lift.yaml").write_text(listed.replace("at: {pressure: [0.05 MPa, 0.1 MPa]}", "at: last"))
+    _said("run", "lift.yaml", "--jobs", "1")
+    assert "(last: 0.1 MPa)" in _refused("ask", "lift", "--leak-rate", "1e-6 mm^3/s")
+    Path("dry.yaml").write_text(re.sub(".*fluid_pressure.*", "", listed).replace("name: lift", "name: dry"))
+    _said("run", "dry.yaml", "--jobs", "1")
+    assert "the run has several E_star (5 MPa, 20 MPa)" in _refused("ask", "dry", "--leak-rate", "1e-6 mm^3/s")
 
 
 PATH = TEXT.replace("m: 6, seeds: 2", "m: 4, seeds: 1").replace(
