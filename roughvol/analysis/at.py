@@ -2,8 +2,9 @@
 
 Between two steps, a number lies on the straight line over the quantity of the level; a leak rate, a flow or an opening
 on the straight line of its logarithm. A way that closes between two steps is open up to the second step, and its flow
-lies on the straight line to 0 there. Counts are those of the step beyond. A state
-that a study records is the state solved for it; before the first step it has the numbers recorded for it alone.
+lies on the straight line to 0 there. Where a study has its closing load solved, the way is open up to this load, and
+its flow lies on the straight line over p* to 0 there. Counts are those of the step beyond. A state that a study records
+is the state solved for it; before the first step it has the numbers recorded for it alone.
 
 A step that misses a level by less than `level.REACHED` is the level. A sweep that ended at a target has reached this
 target, and a listed load is the step solved for it.
@@ -15,6 +16,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,6 +24,7 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis import leak
+from roughvol.analysis.closing import SOLVED
 from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
@@ -47,7 +50,7 @@ MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V}  # in u
 LEAK = "leak_rate"
 RULE = (
     "Between steps: straight lines over the quantity asked for, of the logarithm for flows and openings. A way that "
-    "closes between two steps leaks along a straight line to 0 at the second."
+    "closes between two steps leaks along a straight line to 0 at the second, or at its closing load if it is solved."
 )
 LAST = Level("last")
 
@@ -221,6 +224,8 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     if not reached and not beyond:
         return None
     data = between(group, reached + beyond, [*places, *[float(offset)] * len(beyond)])
+    if leg == 1 and SOLVED in group:
+        _close_where_solved(data, group, reached, places, own)
     _empty(data, group, alone)
     _take(data, own, group, reached, places)
     for name, values in flows.items():
@@ -231,6 +236,31 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     if beyond:
         _close(data, len(reached), shut[beyond])
     return State(label, with_leaks(run.study, group, data), group.sizes["seed"], len(beyond), _label(level, leg))
+
+
+def _close_where_solved(
+    data: Dataset, group: Dataset, reached: list[int], places: list[float], own: Mapping[str, Array]
+) -> None:
+    """Let ways that close between two steps leak along a straight line over p* to 0 at their solved closing load."""
+    count, rows, low = len(reached), np.array(reached, dtype=int), np.floor(places).astype(int)
+    high = np.ceil(places).astype(int)
+    load = data[P].values[:count]
+    if P in own:
+        load = np.where(np.isfinite(own[P][rows]), own[P][rows], load)
+    closes = group[SOLVED].transpose("seed", "axis").values[rows]
+    first = group[P].transpose("seed", "step").values[rows, low]
+    with np.errstate(invalid="ignore"):
+        share = np.clip((closes - load[:, None]) / (closes - first[:, None]), 0.0, 1.0)
+    for name in leak.zero_beyond(data):
+        if name not in data or "step" not in group[name].dims:
+            continue
+        steps = group[name].transpose("seed", "step", "axis").values
+        before, after = steps[rows, low], steps[rows, high]
+        inside = np.isfinite(share) & (before > 0.0) & (after == 0.0) & (high > low)[:, None]
+        values = data[name].transpose("seed", "axis").values.copy()
+        shrunk = (share > 0.0).astype(float) if name.startswith(WAYS) else before * share
+        values[:count] = np.where(inside, shrunk, values[:count])
+        data[name] = (("seed", "axis"), values, data[name].attrs)
 
 
 def _empty(data: Dataset, group: Dataset, alone: list[int]) -> None:
@@ -289,10 +319,12 @@ def _take(data: Dataset, own: dict[str, Array], group: Dataset, reached: list[in
     """Put the numbers of a recorded state in the place of those between two steps."""
     if not own or not reached:
         return
-    beyond = between(group, reached, np.ceil(places).tolist())
+    before, beyond = (between(group, reached, of(places).tolist()) for of in (np.floor, np.ceil))
     for name, of in MADE.items():
         if name in data and of in own:
-            ratio = beyond[name].values / beyond[of].values
+            made, starred = ((beyond[one].values, before[one].values) for one in (name, of))
+            known = starred[0] != 0.0  # V* is 0 in full contact
+            ratio = np.where(known, made[0], made[1]) / np.where(known, *starred)
             own[name] = np.full(group.sizes["seed"], np.nan)
             own[name][reached] = ratio * own[of][reached]
     taken = {}

@@ -25,7 +25,7 @@ from roughvol.analysis.stored_run import Run
 from roughvol.cli import main
 from roughvol.errors import DatasetError
 from roughvol.store import dataset
-from roughvol.study import Level, Quantity, parse
+from roughvol.study import Level, Quantity, loads, parse
 
 SEAL = """
 name: seal
@@ -298,3 +298,25 @@ def test_a_state_of_recorded_flux_has_the_leak_solved_for_it(pressure: str) -> N
     assert_allclose(found["leak_rate"], exact["leak_rate"], rtol=1e-4)
     assert_allclose(found.nominal_pressure, exact.nominal_pressure, rtol=1e-5)
     assert bool(found.residual.isnull().all()) == (pressure == "0.01 MPa")
+
+
+def test_a_way_is_closed_from_its_solved_closing_load_on(tmp_path: Path) -> None:
+    text = SEAL.replace("{steps: 10, to: percolation}", "{pressures: [0.02 MPa, 2 MPa]}")
+    text = text.replace("record:", "record:\n  fields_at: {mean_gap: 0.05 um}").replace(
+        "every-step, trans", "every-step, closing: true, trans"
+    )
+    ds = roughvol.run(loads(text), out=tmp_path / "seal", jobs=1)
+    steps = ds.roughvol.derived()
+    closes = steps.closing_pressure * (steps.nominal_pressure / steps.mean_pressure).isel(step=-1)
+    first, load = steps.nominal_pressure.isel(step=0), float(closes.median())
+    there = ds.roughvol.at(pressure=f"{load:.9g} MPa")
+    share = ((closes - load) / (closes - first)).clip(0.0)
+    assert 0 < int((share > 1e-6).sum()) < share.size
+    assert_allclose(there.leak_rate.transpose(*share.dims), steps.leak_rate.isel(step=0) * share, rtol=1e-4, atol=1e-12)
+    assert bool(((there.open > 0.0) | (share < 1e-6)).all())
+    assert bool(((there.leak_rate == 0.0) | (share > 0.0)).all())
+    recorded = ds.roughvol.at(mean_gap="0.05 um")
+    assert_allclose(recorded.mean_gap, 0.05, rtol=1e-4)  # the second step is in full contact, where V* is 0
+    shut = closes <= recorded.nominal_pressure
+    assert bool(shut.any())
+    assert bool((recorded.leak_rate.where(shut, 0.0) == 0.0).all())
