@@ -27,7 +27,7 @@ from xarray import Dataset
 from roughvol.analysis.average import average
 from roughvol.analysis.leak_card import Card
 from roughvol.analysis.leak_curve import Curve, axes, curves, surfaces
-from roughvol.analysis.read_off import check, errors_of, refuse
+from roughvol.analysis.read_off import check, errors_of, refuse, seal_words
 from roughvol.analysis.tables import Table, number, rounded
 from roughvol.observables.at_state import at_state
 from roughvol.store import stamped_file
@@ -71,6 +71,7 @@ class History:
     - ``leak``: leak by axis
     - ``body``: the body that creeps, in words
     - ``has_errors``: whether the intervals have the errors of leak cards
+    - ``seal``: the seal that leaks, in words; empty where the leak is that of a patch
     """
 
     seconds: Array
@@ -83,6 +84,7 @@ class History:
     leak_unit: str
     body: str
     has_errors: bool = False
+    seal: str = ""
 
     def plain(self) -> dict[str, Any]:
         """Return the numbers as ``creep --json`` prints them; None where a number is not known."""
@@ -153,6 +155,7 @@ def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float])
         unit,
         str(run["leak_rate"].attrs["units"]),
         law.words(material),
+        seal=seal_words(run),
     )
 
 
@@ -257,7 +260,11 @@ def table_of(over_time: History) -> Table:
     head = ["time", "J/J(0)", f"p J/J(0) [{over_time.pressure_unit}]", "A*"]
     intervals = ["with errors"] if over_time.has_errors else []
     for axis in over_time.leak:
-        head += [f"Q_{axis} [{unit}]", *intervals, *(["16-84 %", f"open along {axis}"] if several else [])]
+        head += [
+            f"Q_{'seal' if over_time.seal else axis} [{unit}]",
+            *intervals,
+            *(["16-84 %", f"open along {axis}"] if several else []),
+        ]
     rows = []
     for k, seconds in enumerate(over_time.seconds):
         row = [_time(seconds), *(number(one[k]) for one in (over_time.ratio, over_time.equivalent, over_time.area))]

@@ -243,20 +243,24 @@ def _of_surfaces(run: Dataset, axis: str) -> list[Curve]:
 def _of_seal(run: Dataset, patch: Patch) -> Curve:
     """Return the leak of a seal over the nominal pressure, at the steps of one surface within the sweeps of all.
 
-    Each leak is the median over sheets of patches. The same patches are drawn at all steps.
+    The ends are the largest first load and the smallest last load of the surfaces. Each leak is the median over sheets
+    of patches. The same patches are drawn at all steps.
     """
     ways = {axis: _of_surfaces(run, axis) for axis in AXES}
     each = [one for some in ways.values() for one in some]
     low, high = max(one.begins for one in each), min(one.ends for one in each)
     longest = max(ways[patch.seal.flow], key=lambda one: one.pressure[-1])
     kept = (longest.pressure >= low * (1.0 - REACHED)) & (longest.pressure <= high * (1.0 + REACHED))
-    pressure = longest.pressure[kept]
+    steps = longest.pressure[kept]
+    inner = steps[(steps > low * (1.0 + REACHED)) & (steps < high * (1.0 - REACHED))]
+    pressure = np.array([low, *inner, *([high] if low < high < math.inf else [])])
     leaks = np.stack([[one.at(pressure).value for one in ways[axis]] for axis in AXES], axis=-1)
     values = np.moveaxis(patch.conductances(leaks, in_units=True), 1, 0)[:, :, np.newaxis]
     isotropic = is_isotropic([ratios(one) for _, one in surfaces(run)])
     found = [conductance_of(some, patch.patches, isotropic=isotropic, draws=FEW_DRAWS).value for some in values]
+    starred = longest.starred[-1] / longest.pressure[-1]
     Sq = float(np.mean([one.Sq for one in ways[patch.seal.flow]]))
-    return Curve(SEAL, pressure, np.array(found) * patch.squares, longest.starred[kept], Sq)
+    return Curve(SEAL, pressure, np.array(found) * patch.squares, pressure * starred, Sq)
 
 
 def surfaces(run: Dataset) -> list[tuple[str, Dataset]]:

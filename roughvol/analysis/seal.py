@@ -278,14 +278,20 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
     for name in LEAKS.keys() & set(states):
         leaks = states[name].transpose(..., "seed", "axis")
         several = leaks.ndim > 2
+        draws = FEW_DRAWS if several else DRAWS
         states_of = leaks.values.reshape(-1, *leaks.shape[-2:])
-        values = [median(patch, some, isotropic=alike, draws=FEW_DRAWS if several else DRAWS) for some in states_of]
-        one = leaks.isel(axis=0, drop=True).copy()
-        one.values = np.broadcast_to(np.reshape(values, (-1, 1) if several else (1,)), one.shape)
+        have_one = np.ones(len(states_of), dtype=bool)
         if several:
             loads = states["mean_pressure"] * states["Sq"]
-            one = one.where(loads.max("seed") - loads.min("seed") <= ONE_LOAD * abs(loads).max("seed"))
-        found[LEAKS[name]] = one.assign_attrs(symbol=QUANTITIES[LEAKS[name]].symbol, seal=words)
+            spread = loads.max("seed") - loads.min("seed") <= ONE_LOAD * abs(loads).max("seed")
+            have_one = spread.transpose(*leaks.dims[:-2]).values.ravel()
+        values = [
+            median(patch, some, isotropic=alike, draws=draws) if one_load else math.nan
+            for some, one_load in zip(states_of, have_one, strict=True)
+        ]
+        one = leaks.isel(axis=0, drop=True).copy()
+        one.values = np.broadcast_to(np.reshape(values, (-1, 1) if several else (1,)), one.shape)
+        found[LEAKS[name]] = one.assign_attrs(symbol=QUANTITIES[LEAKS[name]].symbol, seal=words, sheets=draws)
     return states.assign(found)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 from xarray import Dataset
 
 from roughvol.analysis.leak_card import Card, SealLeak, Way
-from roughvol.analysis.tables import Table
+from roughvol.analysis.tables import Table, number
 from roughvol.report import card_text, html
 from roughvol.report.card_text import Identity
 from roughvol.report.document import Document, Drawing, Section
@@ -108,11 +109,12 @@ def table_of(pages: Sequence[Page]) -> Table:
         for way in card.ways:
             row += [card_text.short(way.leak.value), card_text.factor(way.factor, way.smaller), way.closing.short]
         if (seal := card.seal) is not None:
-            tight = card_text.short(seal.closing)
+            known = math.isfinite(seal.closing)
+            tight = f"{number(seal.closing)} {seal.load_unit}".strip() if known else card_text.short(seal.closing)
             row += [
                 card_text.short(seal.leak),
                 card_text.factor(seal.factor, seal.smaller),
-                f"{tight} {seal.load_unit}",
+                tight,
             ]
         rows.append(tuple(row))
     heads = [head for way in ways for head in (f"leak {way.axis}{unit}", "error", f"{way.axis} closes")]

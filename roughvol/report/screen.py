@@ -90,7 +90,11 @@ def summary(run: Run) -> list[Table]:
     """Return the table after a run: ends of legs and recorded levels, and where the ways through the gap close."""
     named = _named(run)
     found = _of_groups("short", [(name, state) for name, group in named for state in _chief(run, group)])
-    return [found.table("", *found.notes()), *closing([(name, first_leg(group)) for name, group in named])]
+    between = RULE if any("=" in row.state.label for row in found.rows) else ""  # flows are those of the steps
+    return [
+        found.table("", *found.notes(), *filter(None, [between])),
+        *closing([(name, first_leg(group)) for name, group in named]),
+    ]
 
 
 def _chief(run: Run, group: Dataset) -> Iterator[State]:

@@ -26,9 +26,7 @@ IN_PLACE: Mapping[str, Mapping[str, str]] = {
 STARRED = ("separation", "mean_plane_separation", "indentation", P)
 ROUNDING = 1e-12  # a starred number below is 0 to rounding: the mean plane, an unloaded surface
 NOT_REACHED = "Not all surfaces reach each state: the column 'surfaces' counts those that do."
-SHEETS = (
-    "the median of sheets drawn from the surfaces of a row, which have one load there. roughvol card has its interval."
-)
+SHEETS = "sheets drawn from the surfaces of a row, which have one load there. roughvol card has its interval."
 CLOSED_BEFORE = "A surface that closed before a state has flows of 0 there, and no other number."
 
 
@@ -94,9 +92,9 @@ class States:
             }
             if named:
                 yield f"Q is the leak of the patch, {'; '.join(words + fluid for fluid, words in named.items())}."
-        seals = [row.data[name].attrs["seal"] for row in self.rows for name in LEAKS.values() if name in row.data]
-        for words in dict.fromkeys(seals):
-            yield f"Q_seal is the leak of the seal of {words}: {SHEETS}"
+        seals = [row.data[name].attrs for row in self.rows for name in LEAKS.values() if name in row.data]
+        for words, sheets in dict.fromkeys((one["seal"], one["sheets"]) for one in seals):
+            yield f"Q_seal is the leak of the seal of {words}: the median of {sheets} {SHEETS}"
         if any(row.state.reached < row.state.surfaces for row in self.rows):
             yield NOT_REACHED
         if any(row.state.closed for row in self.rows):

@@ -21,6 +21,7 @@ from roughvol.gap import sheet
 from roughvol.gap.network import harmonic
 from roughvol.gap.transport import conduction
 from roughvol.report import card_text, screen
+from roughvol.report.figures.creep import drawing_of
 from roughvol.study import loads, parse
 from roughvol.surfaces import Spectrum, Surface, power_law_surface, random_midpoint_displacement
 from roughvol.typing import Array
@@ -317,3 +318,60 @@ def test_read_offs_and_creep_are_those_of_the_seal(tmp_path: Path, monkeypatch: 
         main, ["creep", "joint", "--law", "law.yaml", "--at", options["at"], "--times", "1 s, 1 min", "--json"]
     )
     assert [way["axis"] for way in json.loads(drawn.stdout)["times"][0]["leak"]] == ["x"]
+
+
+def test_a_seal_is_read_off_from_the_load_that_all_surfaces_have(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also below the steps of the longest sweep. The figure and the table of creep are those of a seal."""
+    monkeypatch.chdir(tmp_path)
+    Path("joint.yaml").write_text(TEXT.replace("n: 64", "n: 32").replace("steps: 8", "steps: 5"))
+    ds = roughvol.run("joint.yaml", jobs=1)
+    begins = float(ds.nominal_pressure.min("step").max())
+    (answer,) = roughvol.ask(ds, leak_rate="1 m^3/s").answers
+    assert answer.steps[1] == pytest.approx(begins)
+    Path("law.yaml").write_text("power: {exponent: 0.1, time: 1 s}")
+    at = f"pressure={0.51 * begins} MPa"  # J doubles in a second
+    history = roughvol.creep(ds, "law.yaml", at=at, times="1 s")
+    assert history.leak["x"].value[0] > 0.0
+    words = "The leak is that of the seal of 120 mm by 2 mm along x, 4 × 240 patches."
+    note = drawing_of(history, ds).get_supxlabel().replace("\n", " ")
+    assert words in note
+    assert "3 surfaces" in note
+    said = CliRunner().invoke(main, ["creep", "joint", "--law", "law.yaml", "--at", at, "--times", "1 s"]).output
+    assert "Q_seal [mm^3/s]" in said
+    assert words in CliRunner().invoke(main, ["ask", "joint", "--leak-rate", "1 m^3/s"]).output
+
+
+def test_a_table_has_the_number_of_its_sheets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All steps have fewer than one load. Flows between the steps are explained after a run too."""
+    monkeypatch.chdir(tmp_path)
+    text = TEXT.replace("n: 64", "n: 32").replace("{steps: 8, to: percolation}", "{pressures: [0.02 MPa, 0.05 MPa]}")
+    text = text.replace("seeds: 3", "seeds: 2").replace("record:", "record:\n  fields_at: {pressure: [0.03 MPa]}")
+    Path("joint.yaml").write_text(text)
+    printed = [
+        CliRunner().invoke(main, words, catch_exceptions=False).stdout
+        for words in (
+            ["run", "joint.yaml", "--jobs", "1"],
+            ["show", "joint"],
+            ["show", "joint", "--at", AT],
+        )
+    ]
+    assert [f"the median of {n} sheets" in said for n, said in zip((300, 50, 300), printed, strict=True)] == [True] * 3
+    assert "Between steps: " in printed[0]
+
+
+def test_a_closing_load_that_is_not_known_has_no_unit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = (
+        TEXT.replace("n: 64", "n: 16")
+        .replace("rolloff: 8, cut: 16", "rolloff: 4, cut: 8")
+        .replace("seeds: 3", "seeds: 1")
+    )
+    text = text.replace("to: percolation", "to: {pressure: 0.02 MPa}").replace("width: 2 mm", "width: 0.5 mm")
+    lifted = "record:\n  fluid_pressure: {inlet: 1 mbar, outlet: 0 mbar, at: last, coupling: one-way}"
+    Path("joint.yaml").write_text(text.replace("steps: 8", "steps: 2").replace("record:", lifted))
+    loads_of = [word for load in ("0.01", "0.02") for word in ("--at", f"pressure={load} MPa")]
+    said = CliRunner().invoke(main, ["card", "joint.yaml", *loads_of, "--jobs", "1"], catch_exceptions=False).stdout
+    rows = [line for line in said.splitlines() if line.startswith("joint  ")]
+    assert [row.split("  ")[-1].strip() for row in rows] == ["–", "–"]

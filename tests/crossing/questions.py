@@ -939,7 +939,7 @@ def creep(made: Made) -> int:
         history = roughvol.creep(made.kind.asked, law, at=words[3], times=words[5])
     for axis, leak in history.leak.items():
         for row, value in zip(table.rows, leak.value, strict=True):
-            cell = next(cell for head, cell in row.items() if head.startswith(f"Q_{axis}"))
+            cell = next(cell for head, cell in row.items() if head.startswith((f"Q_{axis}", "Q_seal")))
             assert "clos" in cell or float(cell) == pytest.approx(value, rel=0.05)
     count = 0
     for row, load in zip(table.rows, ends, strict=True):

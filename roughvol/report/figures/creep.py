@@ -16,6 +16,7 @@ def drawing_of(over_time: History, run: Dataset) -> Drawing:
     """Return the leak along both axes over time."""
     leaks = over_time.leak.values()
     several = next(iter(leaks)).surfaces
+    of_seal, number = ("the seal, ", run.sizes.get("seed", 1)) if over_time.seal else ("", several)
     shown = np.concatenate([np.concatenate([leak.value, leak.least]) for leak in leaks])
     floor = float(shown[shown > 0.0].min(initial=np.inf))
     with mpl.rc_context(STYLE):
@@ -25,7 +26,7 @@ def drawing_of(over_time: History, run: Dataset) -> Drawing:
             zip(over_time.leak.items(), looks(len(over_time.leak)), strict=True)
         ):
             median = np.where(leak.value > 0.0, leak.value, np.nan)
-            ax.plot(over_time.seconds, median, ls=DASHES[order], color=look["color"], label=f"along ${axis}$")
+            ax.plot(over_time.seconds, median, ls=DASHES[order], color=look["color"], label=f"{of_seal}along ${axis}$")
             if several > 1:
                 least, most = np.maximum(leak.least, floor), np.maximum(leak.most, floor)
                 ax.fill_between(over_time.seconds, least, most, color=look["color"], alpha=0.18, lw=0)
@@ -40,5 +41,6 @@ def drawing_of(over_time: History, run: Dataset) -> Drawing:
         )
         load = f"at {over_time.pressure:.4g} {unit_text(over_time.pressure_unit)}"
         legend(ax, "; ".join(filter(None, [load, band_words([several])])))
-        fig.note(" ".join([f"{origin(run, {'surfaces': [several]})}.", *written(run), *fluid_note(run)]))
+        source = f"{origin(run, {'surfaces': [number]})}."
+        fig.note(" ".join(filter(None, [source, over_time.seal, *written(run), *fluid_note(run)])))
     return fig
