@@ -9,8 +9,8 @@ leaks of the two steps.
 The error contains the true leak in 97 % of readings on random sweeps (``python -m tests.bench.read_off``,
 docs/how-to/read-offs.md).
 
-A way closes between its last open step and the next step. There the leak lies between 0 and that of the open step. Its
-value is on the straight line to 0, as in `at`.
+A way closes between its last open step and the next step, or at its solved closing load. Until then the leak lies
+between 0 and that of the open step. Its value is on the straight line to 0, as in `at`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 import scipy
 from xarray import Dataset
 
-from roughvol.analysis.closing import Span, span_of, spans
+from roughvol.analysis.closing import SOLVED, Span, span_of, spans
 from roughvol.analysis.derived import groups
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import FEW_DRAWS, Patch, closing_of, conductance_of, is_isotropic, ratios
@@ -228,11 +228,19 @@ def curves(run: Dataset, axis: str) -> list[Curve]:
 
 
 def _of_surfaces(run: Dataset, axis: str) -> list[Curve]:
-    """Return the leak of each surface."""
+    """Return the leak of each surface; a solved closing load is a closed step."""
     made = []
     for name, surface in surfaces(run):
         pressure, starred = (surface[key].values for key in ("nominal_pressure", "mean_pressure"))
         leak = surface["leak_rate"].sel(axis=axis).values
+        if SOLVED in surface and (leak > 0.0).any():
+            end = float(surface[SOLVED].sel(axis=axis))
+            per_starred = np.nanmax(pressure) / np.nanmax(starred)
+            pressure, starred, leak = (
+                np.append(pressure, end * per_starred),
+                np.append(starred, end),
+                np.append(leak, 0.0),
+            )
         kept = np.flatnonzero(np.isfinite(leak) & (starred > 0.0))
         order = kept[np.argsort(pressure[kept], kind="stable")]
         if order.size:

@@ -295,7 +295,7 @@ def narrower(run: Dataset, answers: Sequence[Answer]) -> list[str]:
     if not found:
         return []
     listed = ", ".join(f"{load:g} {unit}".strip() for load in found)
-    closed = all(one.closing for one in nominal)
+    closed = all(one.closing for one in nominal) and closing.SOLVED not in run
     change = "record.transport.closing=true" if closed else f"sweep={{pressures: [{listed}]}}"
     try:
         changes = [f"name={loads(text, stored=True).name}_closer", change]

@@ -14,6 +14,7 @@ import pytest
 from click.testing import CliRunner, Result
 from numpy.testing import assert_allclose
 
+import roughvol
 from roughvol.analysis import read_off
 from roughvol.analysis.leak_curve import Curve, curves
 from roughvol.analysis.tables import rounded
@@ -427,3 +428,20 @@ def test_the_command_prints_digits_of_the_error_and_what_is_not_in_it(
 )
 def test_digits_follow_the_interval(value: float, low: float, high: float, text: str) -> None:
     assert rounded(value, low, high) == text
+
+
+def test_a_solved_closing_load_ends_the_reading(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between two far steps, and beyond the last one; no other study that solves the closing load is suggested."""
+    monkeypatch.chdir(tmp_path)
+    text = TEXT.replace("m: 6, seeds: 2", "m: 4, seeds: 1").replace("solver: {rtol: 1.0e-9}\n", "")
+    text = text.replace("transmissivity", "closing: true, percolation: every-step, transmissivity")
+    for listed in ("[0.02 MPa, 9 MPa]", "[0.01 MPa, 0.02 MPa]"):
+        ds = roughvol.run(
+            loads(text.replace("steps: 20, to: {pressure: 1.2}", f"pressures: {listed}")), jobs=1, out=tmp_path / listed
+        )
+        answers = roughvol.ask(ds, leak_rate="1e-30 mm^3/s").answers
+        for answer, end in zip(answers, roughvol.ask(ds).answers, strict=True):
+            assert answer.value == pytest.approx(end.value)
+            assert answer.low == pytest.approx(0.02)
+            assert answer.nominal.closing
+        assert "sweep=" in read_off.narrower(ds, answers)[1]
