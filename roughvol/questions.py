@@ -472,9 +472,9 @@ def card(
         surfaces = computed.surfaces_of(variant.study)
         accept = check_reached if len(surfaces) == 1 else lambda fine: None
         inside = folder.joinpath("runs", *map(computed.slug, (*cards.varied, variant.words)))
-        first = next(one for one in loads if one.kind == level.kind) == level  # of the loads in the same runs
-        options: dict[str, Any] = {"jobs": jobs, "fresh": fresh and (first or level.kind == "last"), "accept": accept}
-        options["beside"] = loads
+        together = computed.loads_together(level, loads)
+        options: dict[str, Any] = {"jobs": jobs, "accept": accept, "together": together}
+        options["fresh"] = fresh and level == together[0]  # the runs of the others are the same
         options["on_event"] = lambda now: done.append(now.done)
         found[level.label, variant.words] = {
             name: computed.compute(one, level, inside / computed.slug(name), **options)

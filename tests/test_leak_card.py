@@ -360,3 +360,38 @@ def test_the_digits_of_a_leak_follow_its_interval() -> None:
 )
 def test_a_number_has_one_form_of_powers_of_ten(value: float, words: str) -> None:
     assert card_text.short(value) == words
+
+
+TOGETHER = {
+    "starred": ({}, ["pressure=0.2", "pressure=0.4"]),
+    "mixed": ({}, ["pressure=0.2", "pressure=0.01 MPa", "contact_area=0.1", "last"]),
+    "beyond the closing": ({}, ["pressure=0.02 MPa", "pressure=5 MPa"]),
+    "legs": (
+        {"sweep": [{"steps": 6, "to": {"pressure": "0.05 MPa"}}, {"steps": 4, "to": {"pressure": "0.01 MPa"}}]},
+        ["pressure=0.02 MPa", "pressure=0.03 MPa, leg 2"],
+    ),
+    "lists": ({"material.E_star": ["10 MPa", "20 MPa"]}, ["pressure=0.01 MPa", "pressure=0.02 MPa"]),
+    "mirrored": ({"surface.sides": "mirrored"}, ["pressure=0.01 MPa", "pressure=0.02 MPa"]),
+    "gas": (
+        {"fluid": {"gas": "air", "inlet": "2 bar", "outlet": "1 bar"}, "record.transport.gas_flow": "every-step"},
+        ["pressure=0.01 MPa", "pressure=0.02 MPa"],
+    ),
+    "coupled": (
+        {"record.fluid_pressure": {"inlet": "5 mbar", "outlet": "0 mbar", "at": "last", "coupling": "full"}},
+        ["pressure=0.03 MPa", "pressure=0.05 MPa"],
+    ),
+    "file": ({"surface": {"file": "face0.txt", "L": "100 um", "level": "tilt"}}, ["pressure=0.2", "pressure=0.4"]),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", TOGETHER)
+def test_a_card_beside_other_loads_is_that_of_its_load_alone(kind: str) -> None:
+    _maps(0.5)
+    keys, loads = TOGETHER[kind]
+    study = roughvol.load(_study(SEAL.replace("seeds: 3", "seeds: [1]"))).changed(**keys)
+    beside = roughvol.card(study, at=loads, jobs=1, out="beside").cards
+    for load in loads:
+        alone = roughvol.card(study, at=load, jobs=1, out="alone")
+        for words, card in alone.cards.items():
+            assert beside[", ".join(filter(None, (words, *alone.loads)))].plain() == card.plain()

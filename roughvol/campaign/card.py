@@ -56,10 +56,10 @@ def surfaces_of(study: Study) -> dict[str, Study]:
     return found
 
 
-def plan(study: Study, at: Level, beside: Sequence[Level] = ()) -> Plan:
+def plan(study: Study, at: Level, together: Sequence[Level] = ()) -> Plan:
     """Return the runs of a card of one file, or of the seeds of one D and m; a level with a unit is that of all.
 
-    The runs record the levels ``beside``, of the same kind, too.
+    The runs record the levels ``together``, of the kind of ``at``, too.
     """
     surface = study.surface
     problems = []
@@ -73,8 +73,8 @@ def plan(study: Study, at: Level, beside: Sequence[Level] = ()) -> Plan:
         raise StudyError(problems)
     if study.seal is not None:
         _check_seal(study, study.seal)
-    level, *others = (_recordable(study, one) for one in (at, *beside))
-    levels = [level, *others]
+    levels = [_recordable(study, one) for one in (at, *together)]
+    level = levels[0]
     try:
         fine = Planned("", _changed(study, levels, {}, fine=True), level)
     except StudyError as error:
@@ -93,6 +93,11 @@ def plan(study: Study, at: Level, beside: Sequence[Level] = ()) -> Plan:
         other = OTHER_LEVEL[str(surface.level)]
         levelled = _at_equal_pressure(study, levels, {"level": other}, f"level: {other}")
     return Plan(fine, tuple(coarser), levelled)
+
+
+def loads_together(at: Level, loads: Sequence[Level]) -> list[Level]:
+    """Return the loads that are recorded in the runs of a load: those of its kind, as pressures; ``last`` is alone."""
+    return [at] if at.kind == "last" else [one for one in loads if one.kind == at.kind]
 
 
 def _check_seal(study: Study, seal: Seal) -> None:
@@ -216,7 +221,7 @@ def compute(
     at: Level,
     folder: Path,
     *,
-    beside: Sequence[Level] = (),
+    together: Sequence[Level] = (),
     jobs: int | None = None,
     fresh: bool = False,
     on_event: OnEvent = lambda progress: None,
@@ -225,15 +230,14 @@ def compute(
 ) -> CardRuns:
     """Return the runs of a card, each in a folder inside ``folder``; finished runs are read.
 
-    ``accept`` is called with the finest run before the others are computed; it may raise. The runs record the loads
-    ``beside`` of other cards too, if they are of the same kind. Other arguments as in `plan` and `execution.run`.
+    ``accept`` is called with the finest run before the others are computed; it may raise. The runs record all loads of
+    `together`, by default the load of the card alone. Other arguments as in `plan` and `execution.run`.
     """
     if study.axes:
         message = "a card shows one combination; allowed: one value in place of each list"
         raise StudyError([Problem(f"{axis.name}: {message}") for axis in study.axes])
-    alike = [one for one in beside if one.kind == at.kind != "last"]
-    planned = plan(study, at, alike)
-    loads = slug(" ".join(sorted({one.label for one in (at, *alike)})))
+    planned = plan(study, at, together)
+    loads = slug(" ".join(sorted({one.label for one in (at, *together)})))
 
     def pressed(one: Planned) -> Pressed:
         inside = folder / loads / slug(one.words or FINE)
