@@ -239,12 +239,8 @@ def _study(
     places = reading.places(file, arguments)
     if problems:
         in_order = sorted(problems, key=lambda key: _mark(reading.marks, key))
-        set_here = {
-            key
-            for key in in_order
-            for path in changed
-            if key[: len(path)] == path or (key not in written and path[: len(key)] == key != ())
-        }
+        made = {path[:depth] for path in changed for depth in range(1, len(path))} - written  # sections of a change
+        set_here = {key for key in in_order if key in made or any(key[: len(path)] == path for path in changed)}
         found = [Problem(problems[key], key_text(key), file=SET if key in set_here else "") for key in in_order]
         raise StudyError([places.of(problem) for problem in found])
     study._places = places
