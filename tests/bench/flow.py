@@ -4,6 +4,7 @@ python -m tests.bench.flow states 9        16 states of D = 2.2 to A* = 0.15: co
 python -m tests.bench.flow direct 9        one flow in light and heavy contact: by gradients against factorised
 python -m tests.bench.flow peer 512        one flow against reynoldsflow, errors against the flow to 1e-11
 python -m tests.bench.flow large 12 0.1    memory and time of one flow through the gap over a cut surface
+python -m tests.bench.flow card 10         the leak card of a mirrored map of D = 2.2, and its run on the finest grid
 python -m tests.bench.flow fewer 7         leaks read between fewer of 60 states of a sweep, D = 2.2, 2.5, 2.8
 """
 
@@ -11,14 +12,18 @@ from __future__ import annotations
 
 import resource
 import sys
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 from threadpoolctl import threadpool_limits
 
+import roughvol
+from roughvol.campaign.workers import in_this_process
 from roughvol.contact import HalfSpace, sweep
 from roughvol.gap import multigrid
 from roughvol.gap.transport import Conduction, conduction
@@ -119,6 +124,28 @@ def large(m: int, closed: float) -> None:
     )
 
 
+def card(m: int) -> None:
+    """Print the seconds of the leak card of a mirrored map, and those of its run on the finest grid."""
+    z = random_midpoint_displacement(2.2, m, seed=0).heights
+    study = {
+        "name": "map",
+        "surface": {"file": "map.npy", "L": "500 um", "unit": "um", "level": "tilt", "sides": "mirrored"},
+        "material": {"E": "10 MPa", "nu": 0.5},
+        "sweep": {"steps": 12, "to": "percolation"},
+        "record": {
+            "transport": {"percolation": "every-step", "transmissivity": "every-step"},
+            "dimensional": {"pressure": "MPa", "leak_rate": {"pressure_drop": "1 mbar", "viscosity": "1 mPa*s"}},
+        },
+    }
+    with tempfile.TemporaryDirectory() as folder, in_this_process():
+        np.save(Path(folder, "map.npy"), z / z.std())
+        changes = [f"surface.file={folder}/map.npy"]
+        found, seconds = timed(lambda: roughvol.card(study, out=folder, jobs=1, changes=changes))
+        (runs,) = found.runs["last", ""].values()
+    finest = float(runs.fine.dataset["wall_time"].sum())
+    print(f"{z.shape[0]}^2: card {seconds:.0f} s, its run on the finest grid {finest:.0f} s by the clock")
+
+
 def fewer(m: int) -> None:
     """Print by what factor leaks differ that are read on the logarithm between every second, fourth, eighth state.
 
@@ -153,4 +180,4 @@ if __name__ == "__main__":
         if what == "large":
             large(int(numbers[0]), float(numbers[1]))
         else:
-            {"states": states, "direct": direct, "peer": peer, "fewer": fewer}[what](int(numbers[0]))
+            {"states": states, "direct": direct, "peer": peer, "card": card, "fewer": fewer}[what](int(numbers[0]))
