@@ -124,9 +124,9 @@ class History:
 def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float]) -> History:
     """Return the leak at times [s] under a constant nominal pressure in the unit of the study; nothing is solved.
 
-    The modulus of the study is that at once. A `StudyError` refuses a run without leak rates, with yield, with a gap
-    that fluid pressure lifts or with a contact area that falls, a law that does not fit the bodies of the study, and a
-    time whose state lies beyond the sweep.
+    The modulus of the study is that at once. A `StudyError` refuses a run without leak rates, with yield, with fluid
+    pressure in the gap, or with a contact area that falls. It refuses a law that does not fit the bodies of the study,
+    and a time whose state lies beyond the sweep.
     """
     check(run)
     if "plastic_volume" in run:

@@ -131,8 +131,8 @@ def at_level(
 ) -> Contact:
     """Return the state at a level between two steps of a sweep, solved or searched for, and leave the sweep as it is.
 
-    `earlier` has `Contact.state` of one or two states before the level, `residual` is η/σ of the last of them, and
-    `after` is the first step at the level or beyond it.
+    `earlier` has `Contact.state` of one or two states before the level. `residual` is η/σ of the last of them. `after`
+    is the first step at the level or beyond it.
     """
     value = level.value or 0.0
     options = options_of(case, surface)
