@@ -78,14 +78,20 @@ def uv(*words: str | Path, cwd: Path | None = None) -> str:
     return called(sys.executable, "-m", "uv", "--quiet", *words, cwd=cwd)
 
 
+def extract(archive: Path, folder: Path) -> None:
+    """Extract an archive; Python 3.11.0 to 3.11.3 have no filter."""
+    with tarfile.open(archive) as held:
+        held.extraction_filter = getattr(tarfile, "data_filter", None)
+        held.extractall(folder)
+
+
 def built(folder: Path) -> tuple[Path, Path]:
     """Return the unpacked sdist and the wheel that is built from the sdist; both pass the checks of PyPI."""
     uv("build", ROOT, "--out-dir", folder)
     (sdist,), (wheel,) = folder.glob("*.tar.gz"), folder.glob("*.whl")
     uv("tool", "run", "twine", "check", "--strict", sdist, wheel)
     uv("tool", "run", "cffconvert", "--validate", cwd=ROOT)
-    with tarfile.open(sdist) as held:
-        held.extractall(folder, filter="data")
+    extract(sdist, folder)
     return folder / sdist.name.removesuffix(".tar.gz"), wheel
 
 

@@ -6,7 +6,6 @@ import json
 import re
 import subprocess
 import sys
-import tarfile
 import tomllib
 import zipfile
 from email import message_from_bytes
@@ -16,7 +15,7 @@ import pytest
 import yaml
 
 import roughvol
-from tests.publish import LIBRARIES, PAGE
+from tests.publish import LIBRARIES, PAGE, extract
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -32,8 +31,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(ROOT)
         sdist = place / backend.build_sdist(str(place))
-        with tarfile.open(sdist) as held:
-            held.extractall(place, filter="data")
+        extract(sdist, place)
         patch.chdir(place / sdist.name.removesuffix(".tar.gz"))
         return place / backend.build_wheel(str(place))
 

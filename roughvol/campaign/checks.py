@@ -9,7 +9,7 @@ from pathlib import Path
 from roughvol.campaign import workers
 from roughvol.campaign.case_surface import kernel_on, surface_of
 from roughvol.contact.halfspace import LEAST_PERIOD
-from roughvol.errors import ContactError, DatasetError, Problem, StudyError
+from roughvol.errors import ContactError, DatasetError, Problem, StudyError, SurfaceError
 from roughvol.observables import regions
 from roughvol.observables.own import register
 from roughvol.store import dimensional
@@ -54,15 +54,23 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
         return None
     files = [Path(body.file) for one in given.each for body in one.bodies]
     here = all(file in made or file.suffix.lower() in READ_HERE for file in files)
-    surface = None if here else _read_apart(study, files)
     case, *others = study.cases()
-    with study.placing():
-        dimensional.check(case)
-        surface = surface or surface_of(case)
-        _check_shape(case, surface.shape)
-        for other in others:
-            if here or other.file == case.file:
-                _check_shape(other, surface_of(other).shape if here else surface.shape)
+    try:
+        with study.placing():
+            surface = None if here else _read_apart(study, files)
+            dimensional.check(case)
+            surface = surface or surface_of(case)
+            _check_shape(case, surface.shape)
+            for other in others:
+                if here or other.file == case.file:
+                    _check_shape(other, surface_of(other).shape if here else surface.shape)
+    except (DatasetError, SurfaceError) as error:
+        if made:  # an argument of Python, which the caller names
+            raise
+        with study.placing():
+            raise StudyError(
+                [Problem(str(error), "surface.file" if len(given.each) == 1 else "surface.files")]
+            ) from error
     return surface
 
 

@@ -136,8 +136,8 @@ def renamed(words: list[str]) -> list[str]:
 
 @contextlib.contextmanager
 def _without_dask() -> Iterator[None]:
-    """Hide dask where it is installed: xarray would import it, as long as a whole command."""
-    if hidden := "dask" not in sys.modules:
+    """Hide dask where it is installed: xarray would import it. An xarray that is imported already knows of dask."""
+    if hidden := not {"dask", "xarray"} & set(sys.modules):
         sys.modules["dask"] = None  # type: ignore[assignment]
     try:
         yield

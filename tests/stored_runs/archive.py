@@ -12,6 +12,8 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from tests.publish import extract
+
 HERE = Path(__file__).parent
 ARCHIVE = HERE / "runs.tar.xz"
 VERSIONS = ("0.11.1", "0.12.0", "0.13.0", "0.14.0", "0.15.0", "0.16.0")
@@ -25,8 +27,7 @@ def studies(version: str) -> dict[str, dict[str, Any]]:
 
 def unpack(folder: Path) -> None:
     """Unpack the runs of every version into a folder: ``VERSION/runs/NAME``."""
-    with tarfile.open(ARCHIVE) as archive:
-        archive.extractall(folder, filter="data")
+    extract(ARCHIVE, folder)
 
 
 def of_oldest() -> dict[str, Any]:
