@@ -1,4 +1,7 @@
-"""A Dask cluster in this process, started once."""
+"""A Dask cluster in this process, for one file of tests.
+
+Its heartbeat draws from the module `random`, and hypothesis refuses draws from elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def scheduler() -> Iterator[str]:
     """Return the address of a scheduler with two workers, threads of this process."""
     distributed = pytest.importorskip("distributed", reason="needs dask.distributed: pip install 'roughvol[cluster]'")

@@ -688,9 +688,8 @@ def test_a_file_that_keeps_its_library_for_ever_is_an_error(tmp_path: Path, monk
     monkeypatch.setattr(checks, "read_surface", hang)
     monkeypatch.setattr(checks, "READ_SECONDS", 0.3)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    with pytest.raises(
-        DatasetError, match=r"z\.nc: cannot be read: the library for this format is still reading after"
-    ):
+    said = r"study\.yaml:1: surface\.file: .*z\.nc: cannot be read: the library for this format is still reading after"
+    with pytest.raises(StudyError, match=said):
         checks.check_surfaces(study)
 
 
