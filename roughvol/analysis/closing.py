@@ -53,13 +53,25 @@ def spans(group: Dataset, axis: str, load: str = "") -> list[Span]:
     """
     if not (name := ways(group)):
         return []
-    along = (group[name].sel(axis=axis), group[load or load_of(group)], group["mean_pressure"])
-    rows, loads, starred = (values.transpose("seed", "step").values for values in along)
+    load = load or load_of(group)
+    rows, loads = (values.transpose("seed", "step").values for values in (group[name].sel(axis=axis), group[load]))
     found = [span_of(way, at) for way, at in zip(rows, loads, strict=True)]
-    if SOLVED in group:
-        solved = group[SOLVED].sel(axis=axis).values * [_ratio(at, p) for at, p in zip(loads, starred, strict=True)]
-        found = [Span(at, at) if math.isfinite(at) else span for at, span in zip(solved.tolist(), found, strict=True)]
+    found = [
+        Span(at, at) if math.isfinite(at) else span
+        for at, span in zip(solved_loads(group, axis, load), found, strict=True)
+    ]
     return [span for span in found if span is not None]
+
+
+def solved_loads(group: Dataset, axis: str, load: str) -> list[float]:
+    """Return the solved load at which each surface closes along an axis, as a variable of `LOADS`; NaN without it."""
+    if SOLVED not in group:
+        return [math.nan] * group.sizes["seed"]
+    loads, starred = (group[name].transpose("seed", "step").values for name in (load, "mean_pressure"))
+    return [
+        float(end) * _ratio(at, p)
+        for end, at, p in zip(group[SOLVED].sel(axis=axis).values, loads, starred, strict=True)
+    ]
 
 
 def _ratio(loads: Array, starred: Array) -> float:

@@ -156,6 +156,22 @@ def test_a_sealed_direction_is_drawn_where_it_closes(one: Dataset) -> None:
     assert {"first state closed along $x$", "first state closed along $y$"} <= labels
 
 
+def test_a_way_closes_over_p_at_its_solved_load(one: Dataset) -> None:
+    pressure, flows = one["mean_pressure"].squeeze(), one["transmissivity"].sel(axis="x").squeeze()
+    last = int(np.flatnonzero((flows > 0.0).values)[-1])
+    end = float(0.75 * pressure[last] + 0.25 * pressure[last + 1])
+    solved = xr.DataArray([end, np.nan], dims="axis", coords={"axis": ["x", "y"]})
+    ds = one.assign(closing_pressure=solved.broadcast_like(one["Sq"]))
+    fig = FIGURES["seal_transmissivity"](ds)
+    (mark,) = [line for line in fig.axes[0].lines if line.get_marker() == "x"]
+    assert mark.get_xdata()[0] == pytest.approx(end)
+    assert "closed along $x$" in {text.get_text() for text in fig.legends[0].get_texts()}
+    fig = FIGURES["seal_percolation"](ds)
+    (line,) = _lines(fig, 0, "along $x$")
+    assert line.get_xdata()[line.get_ydata() == 0.0][0] == pytest.approx(end)
+    assert "solved closing load" in fig.legends[0].get_title().get_text()
+
+
 @pytest.mark.parametrize("name", ["seal_transmissivity", "seal_estimates"])
 def test_a_direction_closed_from_the_start_does_not_vanish(one: Dataset, name: str) -> None:
     flows = ("transmissivity", "percolates", "critical_gap", "diffusivity")

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from xarray import Dataset, concat
 
+from roughvol.analysis.closing import LOADS, SOLVED
 from roughvol.analysis.leak import STATE
 from roughvol.analysis.leak_card import Card, SurfaceAtLoad, Way, together
 from roughvol.analysis.legs import first_leg
@@ -84,9 +85,9 @@ def _against_load(ax: Axes, card: Card) -> None:
     ax.set(xlabel=_load_label(card), ylabel=f"leak [{unit_text(unit)}]" if unit else "leak T* V*³")
     handles, dry = [], ", dry" * card.lifted + ", leg 1" * has_legs(card)
     at = _load(card)
-    reach = float(np.nanmax(family.data["load"].values))
+    reach = float(np.nanmax(family.data[_load_name(card)].values))
     for order, (axis, way) in enumerate(zip(AXES, card.ways, strict=True)):
-        members = ways(family, "load", "leak", axis)
+        members = ways(family, _load_name(card), "leak", axis)
         if members:
             draw_flow(ax, family, members, axis, alone=True)
         look = look_of(family, axis, alone=True)
@@ -125,22 +126,25 @@ def _has_band(way: Way) -> bool:
 
 def _family(card: Card) -> Family:
     """Return loads and leaks along the steps of the first leg, surfaces along seed; under fluid pressure dry leaks."""
-    load = "nominal_pressure" if card.pressure_unit else "mean_pressure"
     dry = "_dry" if card.lifted else ""
     tables = []
     for one in card.surfaces:
         table = first_leg(one.table)
         rate, starred = f"leak_rate{dry}", table[f"transmissivity{dry}"] * table["free_volume"] ** 3
         leak = table[rate] if rate in table and card.ways[0].unit else starred
-        along = {"load": ("step", table[load].values), "leak": (leak.dims, leak.values)}
-        tables.append(Dataset(along, coords={"axis": list(AXES)}))
+        kept = [name for name in (*LOADS, SOLVED) if name in table]
+        tables.append(table[kept].reset_coords(drop=True).assign(leak=leak.variable))
     return Family("", 0.0, looks(1)[0], concat(tables, "seed"))
 
 
 def _load(card: Card) -> float:
     """Return the load of the card, NaN where its surfaces have different loads."""
-    loads = card.loads("nominal_pressure" if card.pressure_unit else "mean_pressure")
+    loads = card.loads(_load_name(card))
     return float(np.mean(loads)) if loads and np.ptp(loads) <= SAME * max(loads) else math.nan
+
+
+def _load_name(card: Card) -> str:
+    return "nominal_pressure" if card.pressure_unit else "mean_pressure"
 
 
 def _load_label(card: Card) -> str:

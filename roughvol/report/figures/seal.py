@@ -19,6 +19,7 @@ from matplotlib.lines import Line2D
 from xarray import Dataset
 
 from roughvol.analysis import leak
+from roughvol.analysis.closing import SOLVED
 from roughvol.gap.constriction import constriction
 from roughvol.observables.variables import AXES
 from roughvol.report.figures import ways
@@ -96,8 +97,8 @@ def seal_volume(ds: Dataset) -> Drawing:
 def seal_percolation(ds: Dataset) -> Drawing:
     """Which directions are open from side to side: of one surface 1 or 0 at its states, of several the share.
 
-    A step falls at the first state computed closed: the closing load lies between that state and the one before. The
-    band is the binomial standard error.
+    A step falls at the first state computed closed: the closing load lies between that state and the one before. Over
+    p* it falls at the solved closing load, if the study has it. The band is the binomial standard error.
     """
     fig, axes, some, title = _panels(ds, 0, P, "percolates")
     many = any(family.surfaces > 1 for family in some)
@@ -125,7 +126,8 @@ def seal_percolation(ds: Dataset) -> Drawing:
                 ax.fill_between(at, share - error, share + error, **band)
     for ax in axes.ravel():
         ax.set_ylim(-0.05, 1.05)
-    words = "a step falls at the first state computed closed" + ("; band ± 1 std. error" if many else "")
+    solved = " or, over p*, at the solved closing load" if SOLVED in ds else ""
+    words = f"a step falls at the first state computed closed{solved}" + ("; band ± 1 std. error" if many else "")
     direction_legend(fig, some, [title, words])
     return fig
 
@@ -143,13 +145,15 @@ def _coefficient(ds: Dataset, name: str, label: str, *words: str) -> Drawing:
                 if members and draw_flow(ax, family, members, direction, alone=len(some) == 1):
                     closed.append(direction)
     counts = [family.surfaces for family in some]
-    direction_legend(fig, some, [title, ways.band_words(counts), *words], closed, _what(counts))
+    direction_legend(fig, some, [title, ways.band_words(counts), *words], closed, _what(counts, ds))
     return fig
 
 
-def _what(counts: list[int]) -> str:
+def _what(counts: list[int], ds: Dataset) -> str:
     """Return what the mark of a closed direction is."""
-    return "first state closed" if max(counts) == 1 else "median closed"
+    if max(counts) > 1:
+        return "median closed"
+    return "closed" if SOLVED in ds else "first state closed"
 
 
 def seal_transmissivity(ds: Dataset) -> Drawing:
@@ -264,7 +268,7 @@ def seal_estimates(ds: Dataset) -> Drawing:
     for ax in axes[-1]:
         ax.set_xlabel(LABELS[A])
     counts = [family.surfaces for family in some]
-    direction_legend(fig, some, [title, ways.band_words(counts)], closed, _what(counts))
+    direction_legend(fig, some, [title, ways.band_words(counts)], closed, _what(counts, ds))
     return fig
 
 

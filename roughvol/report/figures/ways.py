@@ -1,8 +1,9 @@
 """Ways through the gap in figures: what flows along a direction under load, where it closes, and how both are drawn.
 
-A way is known at its computed states alone. It is closed from the first state at which nothing flows (or no open void
-leads from side to side) and that no open state follows; between the last open state and that one the closing load is
-not known. Beyond its last state an open way is unknown, not closed.
+A way is known at its computed states alone. Over a load it closes at its solved closing load, if the study has it.
+Elsewhere it is closed from the first state at which nothing flows (or no open void leads from side to side) and that no
+open state follows; between the last open state and that one the closing load is not known. Beyond its last state an
+open way is unknown, not closed.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from matplotlib.lines import Line2D
 from xarray import DataArray, Dataset
 
 from roughvol.analysis.average import RANGE
+from roughvol.analysis.closing import LOADS, solved_loads
 from roughvol.analysis.leak import is_lifted
 from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES
@@ -42,7 +44,7 @@ class Way(NamedTuple):
 
     load: Array  # of the open states
     value: Array  # there
-    closed: float  # load of the first state computed closed, NaN if it was open to the end
+    closed: float  # solved closing load, or load of the first state computed closed; NaN if it was open to the end
 
     @property
     def end(self) -> float:
@@ -74,10 +76,17 @@ def way(load: Array, value: Array) -> Way:
 
 def ways(family: Family, x: str, name: str, direction: str) -> list[Way]:
     """Return a flow along a direction against x, one way for each surface that has any state."""
+    return [one for one in _every_way(family, x, name, direction) if one.load.size or math.isfinite(one.closed)]
+
+
+def _every_way(family: Family, x: str, name: str, direction: str) -> list[Way]:
     loads = family.data[x].transpose("seed", "step").values
     values = flow(family.data, name, direction).transpose("seed", "step").values
-    members = [way(*pair) for pair in zip(loads, values, strict=True)]
-    return [member for member in members if member.load.size or math.isfinite(member.closed)]
+    found = [way(*pair) for pair in zip(loads, values, strict=True)]
+    if x not in LOADS or is_lifted(family.data):  # under fluid pressure the solved loads are those of the dry gap
+        return found
+    ends = solved_loads(family.data, direction, x)
+    return [one._replace(closed=end) if math.isfinite(end) else one for one, end in zip(found, ends, strict=True)]
 
 
 def falls(members: Sequence[Way]) -> bool:
@@ -109,12 +118,12 @@ def grid(members: Sequence[Way], *, before: bool = False) -> Array:
 
 def ratios(family: Family, x: str, over: DataArray, direction: str) -> list[Way]:
     """Return ratios ``over`` to a flow along a direction against x, with the loads at which the flow closes."""
-    loads = family.data[x].transpose("seed", "step").values
-    flows = flow(family.data, "transmissivity", direction).transpose("seed", "step").values
     members = []
-    for load, value, flow_values in zip(loads, over.transpose("seed", "step").values, flows, strict=True):
-        open_part = way(load, np.where(flow_values > 0.0, value, np.nan))
-        members.append(Way(open_part.load, open_part.value, way(load, flow_values).closed))
+    flows = flow(family.data, "transmissivity", direction).transpose("seed", "step").values
+    whole = _every_way(family, x, "transmissivity", direction)
+    loads = family.data[x].transpose("seed", "step").values
+    for load, value, along, one in zip(loads, over.transpose("seed", "step").values, flows, whole, strict=True):
+        members.append(way(load, np.where(along > 0.0, value, np.nan))._replace(closed=one.closed))
     return [member for member in members if member.load.size or math.isfinite(member.closed)]
 
 
