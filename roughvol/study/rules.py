@@ -26,7 +26,7 @@ from roughvol.study.sections.surface import FEWEST, SPECTRAL, GeneratedSurface, 
 from roughvol.study.sections.sweep import Legs, Sweep
 from roughvol.study.validation import Problems, Rule
 from roughvol.study.values.state_kinds import STATE_KINDS, Level
-from roughvol.study.values.units import unit_of
+from roughvol.study.values.units import in_unit, unit_of
 from roughvol.surfaces.length_units import METRES
 
 MAX_CASES = 100_000  # cases of a study
@@ -331,6 +331,16 @@ def _leak_rates(study: StudyFile) -> Problems:
             if level.kind.startswith("leak_rate"):
                 fluid = "{dimensional: {leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s}}}"
                 yield path, f"needs a fluid: record: {fluid}"
+
+
+@_rule("record.fluid_pressure", "record.dimensional.leak_rate")
+def _one_drop(study: StudyFile) -> Problems:
+    fluid, leak = study.record.fluid_pressure, study.record.leak_rate
+    if fluid is not None and leak is not None and fluid.has_units:
+        inlet, outlet, drop = (in_unit(value, "Pa") for value in (fluid.inlet, fluid.outlet, leak.pressure_drop))
+        if abs(inlet - outlet - drop) > 1e-6 * drop:
+            message = f"inlet - outlet must equal dimensional.leak_rate.pressure_drop, {leak.pressure_drop}"
+            yield ("record", "fluid_pressure"), message
 
 
 @_rule("sweep")

@@ -27,7 +27,7 @@ from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
 from roughvol.study.values.own import OwnQuantity, own
 from roughvol.study.values.state_kinds import STATE_KINDS, Level
 from roughvol.study.values.types import AreaFraction, Fraction, Many, Switch, Whole, Word, refuse, two
-from roughvol.study.values.units import in_unit, unit_of
+from roughvol.study.values.units import unit_of
 
 
 def _share(value: Any) -> Any:
@@ -254,18 +254,6 @@ class Record(Strict):
         description="true: levels are taken on every leg of a path, that of a further leg as 'pressure=0.5, leg 2'; "
         "false: on the first leg that reaches them",
     )
-
-    @model_validator(mode="after")
-    def _one_drop(self) -> Record:
-        fluid, leak = self.fluid_pressure, self.leak_rate
-        if fluid is not None and leak is not None and fluid.has_units:
-            inlet, outlet, drop = (in_unit(value, "Pa") for value in (fluid.inlet, fluid.outlet, leak.pressure_drop))
-            if abs(inlet - outlet - drop) > 1e-6 * drop:
-                refuse(
-                    "fluid_pressure: inlet - outlet must equal dimensional.leak_rate.pressure_drop, {drop}",
-                    drop=str(leak.pressure_drop),
-                )
-        return self
 
     @property
     def leak_rate(self) -> LeakRate | None:
