@@ -17,6 +17,7 @@ from roughvol.errors import Problem
 
 MAX_BYTES, MAX_DEPTH = 1 << 20, 20
 
+SET = "--set"  # the option, in place of a file
 TOO_LARGE = f"larger than {MAX_BYTES // 1024} KiB: heights belong in a file of their own (surface.file)"
 
 KeyPath = tuple[str | int, ...]
@@ -232,13 +233,14 @@ class Arguments:
 
 
 class Places:
-    """Where the keys of a study stand: lines of a file, or arguments of a call.
+    """Where the keys of a study stand: lines of a file, the option --set, or arguments of a call.
 
     All are equal: they are no part of the identity of a study.
     """
 
     def __init__(self, file: str = "", lines: dict[str, int] | None = None, arguments: Arguments | None = None) -> None:
         self.file, self.lines, self.arguments = file, lines or {}, arguments
+        self.changed: tuple[str, ...] = ()  # keys and sections of --set
 
     def __eq__(self, other: object) -> bool:
         """Return True for any two."""
@@ -250,11 +252,13 @@ class Places:
         """Return a problem with its place. A missing key gets the line of its mapping."""
         if problem.file or problem.argument:
             return problem
+        key = problem.key
+        if any(key == one or key.startswith((f"{one}.", f"{one}[")) for one in self.changed):
+            return replace(problem, file=SET)
         if self.arguments is not None:
             return replace(problem, argument=self.arguments.of(problem.key))
         if not self.file:
             return problem
-        key = problem.key
         while key and key not in self.lines:
             key = key.rpartition(".")[0]
         return replace(problem, line=self.lines.get(key), file=self.file)

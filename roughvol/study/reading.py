@@ -17,6 +17,7 @@ from roughvol.errors import Problem, RoughvolDeprecation, StudyError, warn
 from roughvol.study.former import renamed
 from roughvol.study.plain_data import (
     MAX_BYTES,
+    SET,
     TOO_LARGE,
     Arguments,
     KeyPath,
@@ -35,7 +36,6 @@ from roughvol.study.study import Study
 from roughvol.study.validation import translated
 
 NO_FILES = ("<string>", "<stdin>")
-SET = "--set"  # the option, in place of a file
 RESULTS, RUNS = (".nc",), (".", "runs")  # suffix of results, and folders of runs
 STUDY = Arguments("run", {"": "study"})
 
@@ -237,12 +237,11 @@ def _study(
         if not problems:  # a rule broken by rounding alone, as of 9007199254740993
             problems[()] = error.errors()[0]["msg"]
     places = reading.places(file, arguments)
+    made = {path[:depth] for path in changed for depth in range(1, len(path))} - written
+    places.changed = tuple(map(key_text, (*changed, *made)))
     if problems:
         in_order = sorted(problems, key=lambda key: _mark(reading.marks, key))
-        made = {path[:depth] for path in changed for depth in range(1, len(path))} - written  # sections of a change
-        set_here = {key for key in in_order if key in made or any(key[: len(path)] == path for path in changed)}
-        found = [Problem(problems[key], key_text(key), file=SET if key in set_here else "") for key in in_order]
-        raise StudyError([places.of(problem) for problem in found])
+        raise StudyError([places.of(Problem(problems[key], key_text(key))) for key in in_order])
     study._places = places
     warn((str(places.of(problem)) for problem in former), RoughvolDeprecation)
     return study

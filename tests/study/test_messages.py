@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
 import roughvol
+from roughvol.campaign.checks import check_surfaces
 from roughvol.cli import main
 from roughvol.errors import StudyError
 from roughvol.study import loads
@@ -86,3 +88,16 @@ def test_a_faulty_key_hides_the_rules_that_need_it_and_no_others(text: str, keys
 def test_a_rule_needs_keys_of_a_study() -> None:
     sections = {"surface", "material", "sweep", "solver", "record", "ensemble", "fluid"}
     assert {key[0] for rule in RULES for key in rule.reads} <= sections
+
+
+def test_a_value_of_set_that_does_not_fit_the_surface_is_placed_at_set(tmp_path: Path) -> None:
+    np.save(tmp_path / "z.npy", np.random.default_rng(0).normal(size=(16, 16)))
+    text = "surface: {file: z.npy, L: 1000, unit: um, sides: periodic}\nmaterial: {E: 1 MPa, nu: 0.5, thickness: 1 mm}"
+    study = loads(text, file=tmp_path / "study.yaml", changes=["material.thickness=1 um"])
+    with pytest.raises(StudyError, match=r"^--set: material\.thickness: the layer has a thickness of"):
+        check_surfaces(study)
+
+
+def test_a_key_missing_in_a_section_of_set_is_placed_at_set() -> None:
+    with pytest.raises(StudyError, match=r"--set: seal\.width: missing"):
+        loads("surface: {D: 2.2, m: 3, L: 1 mm}", changes=["seal.length=3 mm"])
