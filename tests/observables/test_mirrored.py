@@ -90,7 +90,8 @@ def test_every_number_is_that_of_the_joint(folder: Path, kind: str, material: st
     compared = [name for name in EQUAL if name in quarter]
     assert set(compared) >= {*EQUAL} - {"plastic_volume", "plastic_area_fraction"}
     for name in compared:
-        assert_allclose(quarter[name], joint[name], rtol=1e-4, atol=1e-7, err_msg=name)  # searches: 1e-6 of Δ
+        # searches are right to 1e-6 of Δ, that of a closing to 1e-4, and p* rises with a power of Δ
+        assert_allclose(quarter[name], joint[name], rtol=4e-4 if kind == "closed" else 1e-4, atol=1e-7, err_msg=name)
     assert (quarter.attrs["sides"], joint.attrs["sides"]) == ("mirrored", "periodic")
     assert "periodic" not in quarter.attrs
 
