@@ -122,9 +122,11 @@ class _Loaded:
             return None
         starred = table[f"transmissivity{dry}"].sel(axis=axis).values * table["free_volume"].values ** 3
         leaks = table[f"{FLOW}{dry}"].sel(axis=axis).values if f"{FLOW}{dry}" in table else starred
-        points = dict(zip(table[load_of(table)].values.tolist(), leaks.tolist(), strict=True))
+        loads = table[load_of(table)].values * self.of_load
+        points = dict(zip(loads.tolist(), (leaks * self.of_leak).tolist(), strict=True))
         if self.leads and not dry and self.state is not None:
-            points[self.number(load_of(table))] = self.leak(axis)
+            load = self.number(load_of(table)) * self.of_load
+            points = {p: leak for p, leak in points.items() if not math.isclose(p, load)} | {load: self.leak(axis)}
         return curve_of(points, self.closing(axis).value)
 
     def leak_at(self, axis: str, load: float) -> float:
@@ -222,7 +224,10 @@ def card_of(runs: Sequence[CardRuns], name: str, load: str) -> Card:
         check_reached(runs[0].fine)
     coarser = [_compared(grids, fine) for grids in zip(*(one.coarser for one in runs), strict=False)]
     levels = [one.levelled for one in runs if one.levelled is not None]
-    levelled = _compared(levels, fine) if len(levels) == len(runs) else None
+    levelled = None
+    if len(levels) == len(runs):
+        _, before = _compared([one.before_levelling for one in runs], fine)
+        levelled = _Levelled(levels[0].words, before, _compared(levels, fine)[1])
     ways = tuple(_way(fine, coarser, levelled, axis) for axis in AXES)
     warnings = (line.strip() for one in runs for line in str(one.fine.dataset.attrs.get("warnings", "")).splitlines())
     units = {str(one.table["nominal_pressure"].attrs["units"]) for one in fine if "nominal_pressure" in one.table}
@@ -333,6 +338,20 @@ def _beside(fine: Sequence[_Loaded]) -> Iterator[Beside]:
             yield Beside(text, tuple(average(name, row) for row in leaks), fine[0].unit(name))
 
 
+@dataclass(frozen=True, eq=False)
+class _Levelled:
+    """Surfaces with another levelling, in words, and before it, both on one grid."""
+
+    words: str
+    before: list[_Loaded]
+    after: list[_Loaded]
+
+    def of_load(self, axis: str) -> float:
+        """Return the logarithm of what the levelling does to the closing load; NaN where it is not known."""
+        here, there = (_closing(some, axis).value for some in (self.before, self.after))
+        return math.log(there / here) if here > 0.0 and there > 0.0 else math.nan
+
+
 def _compared(runs: Sequence[Pressed], fine: Sequence[_Loaded]) -> tuple[str, list[_Loaded]]:
     """Return the words of another grid or levelling, and its surfaces with what makes them comparable.
 
@@ -362,7 +381,7 @@ def _number(surfaces: Sequence[_Loaded], axis: str) -> Average:
 def _way(
     fine: Sequence[_Loaded],
     coarser: Sequence[tuple[str, list[_Loaded]]],
-    levelled: tuple[str, list[_Loaded]] | None,
+    levelled: _Levelled | None,
     axis: str,
 ) -> Way:
     """Return the leak along one axis with its closing and its error."""
@@ -371,13 +390,13 @@ def _way(
     window = _window_of_loads(fine, axis)
     of_load = [_solved(fine, axis), _grid_of_loads(fine, coarser, finer, axis), window]
     if levelled is not None:
-        of_load.append(_levelling_of_loads(fine, *levelled, axis))
+        of_load.append(_levelling_of_loads(levelled, axis))
     closing = replace(_closing(fine, axis), parts=tuple(of_load))
     others = tuple((words, _closing(surfaces, axis)) for words, surfaces in coarser)
     if leak.value > 0.0:
         parts = [_solver(fine, axis), _grid(fine, coarser, finer, axis), _window(fine, window, axis)]
         if levelled is not None:
-            parts.append(_levelling(fine, *levelled, axis))
+            parts.append(_levelling(fine, levelled, axis))
     else:
         parts = of_load
     count = sum(one.leak(axis) > 0.0 for one in fine)
@@ -746,23 +765,41 @@ def _solved(fine: Sequence[_Loaded], axis: str) -> Part:
     return Part("solver", math.sqrt(high / low) if low > 0.0 else math.inf, "between two steps of the sweep")
 
 
-def _levelling_of_loads(fine: Sequence[_Loaded], words: str, surfaces: Sequence[_Loaded], axis: str) -> Part:
+def _levelling_of_loads(levelled: _Levelled, axis: str) -> Part:
     """Return the part of the levelling of the closing load."""
-    here, there = (_closing(some, axis).value for some in (fine, surfaces))
-    if not (here > 0.0 and there > 0.0):
-        return Part("levelling", math.nan, f"with {words}: not closed within the sweep")
-    return Part("levelling", math.exp(abs(math.log(there / here))), f"with {words}: × {number(there / here)}")
+    log = levelled.of_load(axis)
+    if math.isnan(log):
+        return Part("levelling", math.nan, f"with {levelled.words}: not closed within the sweep")
+    return Part("levelling", math.exp(abs(log)), f"with {levelled.words}: × {number(math.exp(log))}")
 
 
-def _levelling(fine: Sequence[_Loaded], words: str, surfaces: Sequence[_Loaded], axis: str) -> Part:
-    """Return the part of the levelling of the leak, from another levelling of the file."""
-    low, high = list[float](), list[float]()
-    for one, other in zip(fine, surfaces, strict=True):
-        here, change = one.leak(axis), math.exp(abs(_log_ratio(one, other, axis)))
+def _levelling(fine: Sequence[_Loaded], levelled: _Levelled, axis: str) -> Part:
+    """Return the part of the levelling of the leak; where the way closes on its grid, that of the closing load."""
+    low, high, logs = list[float](), list[float](), list[float]()
+    for one, before, after in zip(fine, levelled.before, levelled.after, strict=True):
+        log = _log_of_levelling(one, before, after, axis)
+        here, change = one.leak(axis), math.exp(abs(log))
         ends = here / change, here * change
-        if math.isnan(change) and math.isfinite(other.leak(axis)):  # closed with a levelling
-            log = abs(math.log(other.closing(axis).value / one.closing(axis).value))
-            ends = one.leak_if(axis, -log), one.leak_if(axis, log)
+        if math.isnan(log) and after.closing(axis).value > 0.0 and before.closing(axis).value > 0.0:
+            of_load = abs(math.log(after.closing(axis).value / before.closing(axis).value))
+            ends = one.leak_if(axis, -of_load), one.leak_if(axis, of_load)
         low.append(ends[0])
         high.append(ends[1])
-    return _of_several("levelling", fine, low, high, axis, f"with {words}: {_change(fine, surfaces, axis)}")
+        logs.append(log)
+    words = f"closes at × {number(math.exp(levelled.of_load(axis)))}"
+    if np.isfinite(logs).all():
+        words = f"× {number(math.exp(float(np.median(logs))))}"
+    return _of_several("levelling", fine, low, high, axis, f"with {levelled.words}: {words}")
+
+
+def _log_of_levelling(one: _Loaded, before: _Loaded, after: _Loaded, axis: str) -> float:
+    """Return the logarithm of what a levelling does to the leak; NaN where the way closes.
+
+    A coarser grid closes at a smaller load. The leaks are those at the same share of the closing load.
+    """
+    closes, known = before.closing(axis).value, one.closing(axis).value
+    if not one.leads or is_lifted(one.table) or not (0.0 < known < math.inf and 0.0 < closes < math.inf):
+        return _log_ratio(before, after, axis)
+    load = one.load * closes / known
+    here, there = (grid.leak_at(axis, load) for grid in (before, after))
+    return math.log(there / here) if here > 0.0 and there > 0.0 else math.nan

@@ -91,7 +91,12 @@ def plan(study: Study, at: Level, together: Sequence[Level] = ()) -> Plan:
     levelled = None
     if isinstance(surface, HeightFile) and not surface.periodic:  # a tilted period is none
         other = OTHER_LEVEL[str(surface.level)]
-        levelled = _at_equal_pressure(study, levels, {"level": other}, f"level: {other}")
+        keys = {"level": other}
+        words = f"level: {other}"
+        if coarser:  # levelling is about long waves: a quarter of the elements shows what it changes
+            keys |= _coarser(study, 2) or {}
+            words += f" at {COARSER[2]}"
+        levelled = _at_equal_pressure(study, levels, keys, words)
     return Plan(fine, tuple(coarser), levelled)
 
 
@@ -172,7 +177,7 @@ def _changed(
     """Return the study with the records of a card, other keys of its surface, and its starred pressures times a factor.
 
     The levels, of one kind, are recorded. The factor is for pressures of the sweep and of the fluid. The finest run has
-    the flow at every step, that of the quadrants half way to the end of the first leg, the gas, and the lifted gap.
+    the flow of the quadrants half way to the end of the first leg, the gas, and the lifted gap.
     """
     data = {"fluid": None, **study.model_dump(mode="json")}
     values = [str(one.value) if isinstance(one.value, Quantity) else one.value for one in levels]
@@ -184,8 +189,7 @@ def _changed(
     kept.get("dimensional", {}).pop("critical_gap", None)
     given = (data["record"].get("transport") or {}).get("accuracy")
     transport: dict[str, Any] = {"percolation": "every-step", "constriction": "every-step", "flux_at": wanted}
-    transport |= {"accuracy": given or ACCURACY, "closing": True}
-    transport["transmissivity"] = "every-step" if fine else wanted
+    transport |= {"accuracy": given or ACCURACY, "closing": True, "transmissivity": "every-step"}
     if fine and len(study.cases()) == 1:  # the quadrants of the only surface stand for other windows
         transport["quadrants"] = {"step": [max(1, study.sweep.legs[0].steps // 2)]}
     if study.gas_flow and fine:

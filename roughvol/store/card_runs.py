@@ -24,9 +24,15 @@ class Pressed:
 class CardRuns:
     """The runs of one height file, or of the seeds of one kind of surface.
 
-    ``coarser`` has the runs at 2 and 4 times the spacing, as far as the grid has nodes for them.
+    ``coarser`` has the runs at 2 and 4 times the spacing, as far as the grid has nodes for them. ``levelled`` is on the
+    grid of `before_levelling`.
     """
 
     fine: Pressed
     coarser: tuple[Pressed, ...] = ()
     levelled: Pressed | None = None
+
+    @property
+    def before_levelling(self) -> Pressed:
+        """The run with the levelling of the study on the grid of ``levelled``: twice the spacing, if there is one."""
+        return self.coarser[0] if self.coarser else self.fine

@@ -402,7 +402,7 @@ def test_a_card_of_a_file_has_levelling_and_quadrants_at_one_nominal_pressure(tm
     (tmp_path / "s.yaml").write_text(text)
     made = card_runs.compute(load(tmp_path / "s.yaml"), Level("pressure", 0.6), tmp_path / "card", jobs=1)
     assert made.levelled is not None
-    assert made.levelled.words == "level: quadratic"
+    assert made.levelled.words == "level: quadratic at twice the spacing"
     every = [made.fine, *made.coarser, made.levelled]
     nominal = [run.dataset.flux_at_mean_pressure.item() * run.dataset.Sq.item() / run.dataset.L.item() for run in every]
     assert_allclose(nominal, nominal[0], rtol=1e-4)

@@ -117,9 +117,9 @@ def pressed_of(heights: Array, side: float, sides: Sides, downsample: int = 1, d
 
 
 def grids_of(kind: Kind, truth: Surface, sides: Sides) -> dict[str, Surface]:
-    """Return the scan of a surface, the same on coarser grids, and with another levelling."""
+    """Return the scan of a surface, the same on coarser grids, and with another levelling at twice the spacing."""
     heights, side = scan_of(kind, truth)
-    given = {"scan": (1, "tilt"), "twice": (2, "tilt"), "four": (4, "tilt"), "level": (1, "quadratic")}
+    given = {"scan": (1, "tilt"), "twice": (2, "tilt"), "four": (4, "tilt"), "level": (2, "quadratic")}
     few = len(heights) // 4 < FEWEST
     return {name: pressed_of(heights, side, sides, *of) for name, of in given.items() if not (few and name == "four")}
 
@@ -230,16 +230,16 @@ def intervals(found: Numbers) -> Iterator[tuple[str, float, float, float, float]
     """Yield of each way leak or closing, truth, number of the scan, and the ends of its interval without window."""
     for axis, k in (("x", 0), ("y", 1)):
         for place in range(len(FRACTIONS)):
-            grids = {
-                name: Solved(found[name], place, found["loads"], found["curve"]) for name in GRIDS if name in found
-            }
+            own = {name: list(zip(found["loads"], found[name]["leak"], strict=True)) for name in GRIDS if name in found}
+            own["scan"] = found["curve"]
+            grids = {name: Solved(found[name], place, found["loads"], curve) for name, curve in own.items()}
             fine = [grids.pop("scan")]
-            levelled = [grids.pop("level")]
+            levelled = leak_budget._Levelled("", [grids["twice"]], [grids.pop("level")])
             coarser = [(name, [grid]) for name, grid in grids.items()]
             finer = [leak_budget._Finer.of(fine[0], [grid for _, (grid,) in coarser])]
             of_load = (
                 leak_budget._grid_of_loads(fine, coarser, finer, axis),
-                leak_budget._levelling_of_loads(fine, "", levelled, axis),
+                leak_budget._levelling_of_loads(levelled, axis),
             )
             closing = Closing(fine[0].closing(axis).spans, "", of_load)
             if place == 0:
@@ -248,7 +248,7 @@ def intervals(found: Numbers) -> Iterator[tuple[str, float, float, float, float]
             if leak > 0.0:
                 parts = (
                     leak_budget._grid(fine, coarser, finer, axis),
-                    leak_budget._levelling(fine, "", levelled, axis),
+                    leak_budget._levelling(fine, levelled, axis),
                 )
                 smaller, larger = together(parts)
                 yield LOADS[place], truth, leak, leak / smaller, leak * larger
