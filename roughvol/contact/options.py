@@ -66,7 +66,8 @@ class SearchTuning:
     useful: float = 3e-4
     inside: float = 0.05  # least distance of a trial from the ends of the bracket, over its width
     least_growth: float = 1.02  # least ratio of successive indentations before the bracket
-    most_growth: float = 1.5  # largest ratio of successive indentations before the bracket
+    # Largest ratio of successive indentations before the bracket; its root where nothing tells how far the value is.
+    most_growth: float = 2.0
     # Solves with the least growth. It is squared at each further one, as an area may wait for one deep pit.
     patience: int = 3
     line_accuracy: float = 2.0**-4  # accuracy of a root on a line, over its distance to the nearest state

@@ -209,8 +209,9 @@ def _search(trials: Trials, target: Target, start: float, *, brink: bool, betwee
         solved = []
         low = below[0].approach
         if not above:
-            growth = min(growth**2, tuning.most_growth) if trial >= tuning.patience else growth
-            indentation = min(max(target.guess(below[::-1]), growth * low), tuning.most_growth * low)
+            most = tuning.most_growth if target.power else tuning.most_growth**0.5
+            growth = min(growth**2, most) if trial >= tuning.patience else growth
+            indentation = min(max(target.guess(below[::-1]), growth * low), most * low)
             tolerance = min(tuning.following, 0.01 * (indentation - low))
             continue
         high = above[0].approach
