@@ -30,8 +30,8 @@ from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
 from roughvol.errors import DatasetError
 from roughvol.observables.variables import AXES, OF_STATE, STATES, VARIABLES
-from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, convert
-from roughvol.study.values.state_kinds import REACHED, slack
+from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, Study, convert
+from roughvol.study.values.state_kinds import LOAD_OF_REGION, REACHED, slack
 from roughvol.typing import Array
 
 P, V = "mean_pressure", "free_volume"
@@ -69,6 +69,12 @@ def scales(run: Run, surfaces: Dataset) -> list[Scale]:
     if len(nodes) == 2:
         areas = (nodes[0] * nodes[1] * (L / (nodes[0] - (not periodic))) ** 2).tolist()
     return [Scale(modulus, L, Sq, area, modulus_unit, unit) for Sq, area in zip(sizes, areas, strict=True)]
+
+
+def check_load(study: Study | None, level: Level) -> None:
+    """Refuse a load on states of a region, whose share of the load is not known."""
+    if level.kind == "load" and study is not None and study.record.region is not None:
+        raise DatasetError(f"{level.label} {LOAD_OF_REGION}")
 
 
 def _is_stored(level: Level) -> bool:
@@ -112,15 +118,16 @@ def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
         row = VARIABLES.get(str(name))
         if array.dtype.kind == "f":
             after = np.where(np.isnan(before), before, after)  # between a missing number and a known one: missing
-        if (row is None or row.kind == "real") and not str(name).startswith("open") and array.dtype.kind == "f":
+        key = "" if row is not None and row.observable == "own" else str(name)  # an own name may begin as another
+        if (row is None or row.kind == "real") and not key.startswith("open") and array.dtype.kind == "f":
             with np.errstate(invalid="ignore"):  # between two infinite numbers, as of Knudsen where no way is open
                 mixed = np.where(before == after, before, before + share * (after - before))
-            if str(name).startswith(BY_LOGARITHM):
+            if key.startswith(BY_LOGARITHM):
                 positive = (before > 0.0) & (after > 0.0)
                 one, other = np.where(positive, before, 1.0), np.where(positive, after, 1.0)
                 mixed = np.where(positive, one * (other / one) ** share, mixed)  # a straight line to a closed step
             after = np.where(share == 0.0, before, mixed)
-        elif str(name).startswith(WAYS):
+        elif key.startswith(WAYS):
             after = np.where(share == 0.0, before, np.fmax(before, after))
         values[str(name)] = (("seed", *along), after, variable.attrs)
     kept = {name: variable for name, variable in group.coords.items() if variable.dims in ((), ("seed",), ("axis",))}
@@ -167,6 +174,7 @@ def at(run: Run, group: Dataset, level: Level) -> State:
     the state names the leg of a path of several. A level with a unit needs a run with units.
     """
     legs = legs_of(group)
+    check_load(run.study, level)
     if level.leg is not None and level.leg not in legs:
         raise DatasetError(f"{run.name} has no leg {level.leg}; allowed: {', '.join(map(str, legs))}")
     every = legs[-1:] if level.kind == "last" else legs

@@ -250,6 +250,7 @@ def _seal(fine: Sequence[_Loaded], ways: Sequence[Way]) -> SealLeak | None:
     patch = Patch.of(fine[0].run.study, fine[0].table)
     if patch is None:
         return None
+    seal.check_alike([size for one in fine for size in seal.sizes_of(one.table)])
     reached = [one for one in fine if all(math.isfinite(one.leak(axis)) for axis in AXES)]
     flow = next(way for way in ways if way.axis == patch.seal.flow)
     units = bool(flow.unit)

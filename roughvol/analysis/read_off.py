@@ -24,7 +24,7 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis import closing, leak, leak_curve
-from roughvol.analysis.at import legs_of, scales
+from roughvol.analysis.at import check_load, legs_of, scales
 from roughvol.analysis.closing import Span
 from roughvol.analysis.derived import derived
 from roughvol.analysis.leak_card import Card, Part
@@ -246,6 +246,7 @@ def nominal_of(run: Dataset, level: Level) -> float:
         refuse(f"{level.label}: the run needs pressures with units: record dimensional.pressure")
     if level.kind == "pressure" and isinstance(level.value, Quantity):
         return convert(float(level.value), level.value.unit, str(run["nominal_pressure"].attrs["units"]))
+    check_load(Run.of("", run).study, level)
     found = []
     for _, surface in surfaces(run):
         if level.value is None:

@@ -39,10 +39,11 @@ from roughvol.analysis.leak_card import Part, together
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.tables import number
 from roughvol.ensemble.multilevel import COVERAGE, half_width
-from roughvol.errors import StudyError
+from roughvol.errors import DatasetError, StudyError
 from roughvol.observables.variables import QUANTITIES
 from roughvol.store.dataset import Dataset
 from roughvol.study import Region, Seal, Study
+from roughvol.study.sections.seal import WHOLE
 from roughvol.surfaces.psd import octaves
 from roughvol.surfaces.surface import Surface, intervals
 from roughvol.typing import Array
@@ -204,6 +205,21 @@ def _of_few(values: Array, isotropic: bool) -> float:
         return float(np.exp(half_width(float(logs.std(ddof=1)), len(logs))))
 
 
+def sizes_of(run: Dataset) -> list[tuple[int, int]]:
+    """Return the intervals along x and y of each surface of a run."""
+    shapes = np.transpose([run[name].values.ravel() for name in ("nodes_x", "nodes_y")])
+    known, periodic = shapes[np.isfinite(shapes).all(axis=1)].astype(int).tolist(), "periodic" in run.attrs
+    return [(intervals(rows, periodic), intervals(columns, periodic)) for rows, columns in known]
+
+
+def check_alike(sizes: Sequence[Sequence[int]]) -> None:
+    """Refuse patches of different shapes: their conductances are not those of one sheet."""
+    ratios = [columns / rows for rows, columns in sizes]
+    if max(ratios) > (1.0 + WHOLE) * min(ratios):
+        words = f"{min(ratios):.3g} to {max(ratios):.3g} times as long along y as along x"
+        raise DatasetError(f"a seal takes patches of one shape, and the surfaces are {words}")
+
+
 @dataclass(frozen=True)
 class Patch:
     """The patch that a run observes, with sides along x and y, as a part of the seal of its study.
@@ -221,8 +237,9 @@ class Patch:
         """Return the patch of a run; None for a study without a seal."""
         if study is None or study.seal is None:
             return None
-        periodic = "periodic" in run.attrs
-        rows, columns = (intervals(int(run[name].max()), periodic) for name in ("nodes_x", "nodes_y"))
+        sizes = sizes_of(run)
+        check_alike(sizes)
+        rows, columns = sizes[0]
         along_x = float(run["L"])
         sides = (study.record.region or Region()).sides(along_x, along_x * columns / rows)
         unit = run.attrs.get("length_unit")

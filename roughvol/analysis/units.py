@@ -7,6 +7,7 @@ from collections.abc import MutableMapping
 from xarray import Dataset
 
 from roughvol.study import convert
+from roughvol.study.sections.fluid import throughput
 
 PLAIN = ("", "1")  # units of pure numbers
 
@@ -23,7 +24,8 @@ def in_units(ds: Dataset, units: MutableMapping[str, str]) -> Dataset:
         if own == wanted or own in PLAIN or wanted in PLAIN:
             continue
         try:
-            factor = convert(1.0, own, wanted)
+            kelvin = variable.attrs.get("temperature_K")
+            factor = convert(1.0, own, wanted) if kelvin is None else throughput(1.0, own, wanted, float(kelvin))
         except (AttributeError, ValueError, TypeError):  # bases of pint's errors, as for the unit "length"
             continue
         changed[name] = (variable * factor).assign_attrs(variable.attrs | {"units": wanted})

@@ -35,6 +35,7 @@ LOOKED_AT = 10  # largest m of a surface made for its slope alone
 ATMOSPHERE = 101325.0  # Pa: the ambient of a gas, whose pressures are absolute; other pressures are over the ambient
 STIFF = 20.0  # GPa, E*: above polymers and rubber, below all structural metals
 UNLOADED = 1e-12  # p*: an unloaded surface to rounding
+FLOWS = ("leak_rate", "gas_leak_rate", "gas_transmissivity")  # stored flows of a pressure drop
 CLOSES_AT = 0.42  # A* at the closing of the last way (Persson & Yang 2008; Wang & Müser 2020)
 
 
@@ -220,7 +221,7 @@ def after(given: Setting, results: Dataset) -> list[Finding]:
     starred, Sq = states(results["mean_pressure"]), results["Sq"].values.reshape(-1, 1)
     nominal = starred * np.where(Sq > 0.0, Sq, 1.0) / results["L"].item()
     above = ("contact_above_hardness_fraction", "load_above_hardness_fraction")
-    leaks = [results[name].notnull().any("axis") for name in ("leak_rate", "gas_leak_rate") if name in results]
+    leaks = [results[name].notnull().any("axis") for name in FLOWS if name in results]
     central = results["central_pressure_ratio"].values.ravel() if "central_pressure_ratio" in results else np.empty(0)
     with np.errstate(divide="ignore", invalid="ignore"):
         in_contact = np.where(starred > 0.0, nominal / states(results["contact_area_fraction"]), np.nan)
@@ -280,7 +281,7 @@ def kept(given: Setting, results: Dataset) -> list[Limit]:
         "slope": given.scaled,
         "nominal_pressure": given.scaled,
         "hardness": given.hardness is not None and not given.yields,
-        "pressure_drop": math.isfinite(given.drop) and not given.lifted,
+        "pressure_drop": math.isfinite(given.drop) and not given.lifted and any(name in results for name in FLOWS),
         "rim": given.patch,
         "peak": given.measured,
     }

@@ -138,4 +138,5 @@ def _state(view: View) -> SolvedState:
         array.flags.writeable = False
     case, surface = view.case, view.surface
     state = view.state
-    return SolvedState(*arrays, surface.spacing, surface.Sq, case.E_star, state.mean_pressure, state.separation)
+    Sq = case.height or surface.Sq  # generated heights are scaled when they are stored
+    return SolvedState(*arrays, surface.spacing, Sq, case.E_star, state.mean_pressure, state.separation)

@@ -82,6 +82,7 @@ class Case:
         record = self.record.model_dump(mode="json", exclude={"dimensional"})
         if self.record.own:
             record["own"] = {name: [own.target, own.version] for name, own in self.record.own.items()}
+            record["own_units"] = [self.E_star, self.modulus_unit, self.length_unit, self.height]  # functions see them
         else:  # absent, so that cases without such quantities keep their ids
             record.pop("own")
         record["all_legs"] = self.record.all_legs and len(self.sweep.legs) > 1

@@ -25,7 +25,7 @@ from roughvol.study.sections.strict import names, nearest
 from roughvol.study.sections.surface import FEWEST, SPECTRAL, GeneratedSurface, SpectralSurface
 from roughvol.study.sections.sweep import Legs, Sweep
 from roughvol.study.validation import Problems, Rule
-from roughvol.study.values.state_kinds import STATE_KINDS, Level
+from roughvol.study.values.state_kinds import LOAD_OF_REGION, STATE_KINDS, Level
 from roughvol.study.values.units import in_unit, unit_of
 from roughvol.surfaces.length_units import METRES
 
@@ -321,7 +321,7 @@ def _units_of_states(study: StudyFile) -> Problems:
         if message := level.lacking(study.material.unit, "m" if study.surface.has_length else None):
             yield path, message
         if level.kind == "load" and study.record.region is not None:
-            yield path, "is a load on the whole surface, and states are those of record.region: give a pressure"
+            yield path, LOAD_OF_REGION
 
 
 @_rule("record.dimensional")

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from roughvol.typing import Load, Loads
 
 
+LOAD_OF_REGION = "is a load on the whole surface, and states are those of record.region: give a pressure"
+
+
 @dataclass(frozen=True)
 class StateKind:
     """A quantity that names a state of a sweep, as ``pressure`` in ``to: {pressure: 0.5}``.

@@ -1,0 +1,122 @@
+"""One question asked in two ways has one answer, or is refused both times."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from xarray import Dataset
+
+import roughvol
+from roughvol.analysis.derived import derived
+from roughvol.campaign import execution, validity
+from roughvol.errors import DatasetError
+from roughvol.study import loads
+from roughvol.surfaces import random_midpoint_displacement
+
+SURFACE = "surface: {D: 2.3, m: 4, L: 100 um, Sq: 0.7 um, seeds: [3], sides: mirrored}\n"
+RUBBER = "material: {E: 10 MPa, nu: 0.4}\n"
+PRESSED = "sweep: {pressures: [0.01 MPa, 0.03 MPa, 0.05 MPa]}\n"
+LIQUID = "{pressure: MPa, leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s}}"
+HELIUM = "fluid: {gas: helium, inlet: 5 bar, outlet: 1 bar}\n"
+OWN = """
+def largest(state):
+    return state.gap.max() * state.Sq
+
+largest.units = "length"
+
+def highest(state):
+    return state.pressure.max() * state.E_star
+
+def half(state):
+    return state.mean_pressure
+"""
+
+
+def run(text: str, folder: Path) -> Dataset:
+    execution.run(loads(text, file=folder / "study.yaml"), jobs=1, out=folder / "out")
+    return roughvol.open(folder / "out")
+
+
+def test_a_force_on_a_region_is_refused_after_the_run_as_before(tmp_path: Path) -> None:
+    record = f"record: {{region: interior, transport: {{transmissivity: every-step}}, dimensional: {LIQUID}}}\n"
+    ds = run(SURFACE + RUBBER + PRESSED + record, tmp_path)
+    said = "load=0.0003 N is a load on the whole surface, and states are those of record.region: give a pressure"
+    for asked in (lambda: ds.roughvol.at("load=0.0003 N"), lambda: roughvol.creep(ds, at="load=0.0003 N", law="log", times=["1 h"])):
+        with pytest.raises(DatasetError, match=said):
+            asked()
+
+
+def test_a_gas_without_units_has_the_limit_of_its_pressure_drop(tmp_path: Path) -> None:
+    record = "record: {transport: {gas_flow: every-step}, dimensional: {pressure: MPa}}\n"
+    study = loads(SURFACE + RUBBER + PRESSED + record + HELIUM)
+    ds = execution.run(study, jobs=1, out=tmp_path)
+    given = validity.setting(study)
+    assert "pressure_drop" in {finding.key for finding in validity.after(given, ds)}
+    assert "pressure_drop" not in {limit.key for limit in validity.kept(given, ds)}
+    without = ds.drop_vars("gas_transmissivity")
+    assert "pressure_drop" not in {limit.key for limit in validity.kept(given, without)}  # compared with no state
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_card_at_a_listed_load_is_that_of_its_step(seed: int, tmp_path: Path) -> None:
+    text = SURFACE.replace("[3]", f"[{seed}]").replace("m: 4", "m: 5") + RUBBER + PRESSED
+    text += f"record: {{transport: {{transmissivity: every-step}}, dimensional: {LIQUID}}}\n"
+    ds = run(text, tmp_path)
+    found = roughvol.card(loads(text), at="pressure=0.03 MPa", out=tmp_path / "card", jobs=1)
+    leak = ds["leak_rate"].isel(step=1).sel(axis="x").item()
+    assert_allclose(next(iter(found.cards.values())).ways[0].leak.value, leak, rtol=3e-3)  # a card: flows to 1e-3
+
+
+def test_a_seal_of_maps_of_different_shapes_is_refused(tmp_path: Path) -> None:
+    z = random_midpoint_displacement(2.3, 4, seed=5).heights
+    np.save(tmp_path / "a.npy", z)
+    np.save(tmp_path / "b.npy", np.concatenate([z, z[:, ::-1]], axis=1))
+    text = f"surface: {{files: [a.npy, b.npy], L: 100 um, unit: um, sides: mirrored}}\n{RUBBER}{PRESSED}"
+    text = text.replace(", unit: um", "")
+    text += f"record: {{transport: {{transmissivity: every-step}}, dimensional: {LIQUID}}}\n"
+    text += "seal: {length: 1 mm, width: 0.1 mm}\n"
+    with pytest.raises(DatasetError, match=r"patches of one shape, and the surfaces are 1 to 2\.\d* times as long"):
+        roughvol.ask(run(text, tmp_path), leak_rate="1e-5 mm^3/s")
+
+
+def test_own_functions_see_the_heights_and_the_modulus_of_their_study(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "own_two_ways.py").write_text(OWN)
+    monkeypatch.syspath_prepend(tmp_path)
+    own = "{largest: own_two_ways:largest, highest: own_two_ways:highest, open_half: own_two_ways:half}"
+    text = SURFACE + RUBBER.replace("10 MPa", "[5 MPa, 20 MPa]")
+    text += f"sweep: {{pressures: [0.5, 2]}}\nrecord: {{fields_at: last, own: {own}}}\n"
+    ds = run(text, tmp_path)
+    last = ds.isel(step=-1)
+    assert_allclose(
+        last["largest"], (ds["gap"].max(("x", "y")) * ds["Sq"]).isel(field_at=0).broadcast_like(last.largest)
+    )
+    by_modulus = last["highest"].squeeze()
+    assert_allclose(by_modulus[1] / by_modulus[0], 4.0, rtol=1e-12)
+    middle = ds.sel(E=[5.0]).roughvol.at("pressure=1")
+    assert_allclose(middle["open_half"], 1.0, rtol=1e-6)  # straight, though its name begins as that of a way
+
+
+def test_standard_volumes_of_a_gas_are_those_of_its_temperature(tmp_path: Path) -> None:
+    record = "record: {transport: {gas_flow: every-step}, dimensional: {pressure: MPa, gas_leak_rate: UNIT}}\n"
+    made = [
+        run(SURFACE + RUBBER + PRESSED + record.replace("UNIT", unit) + HELIUM, tmp_path / str(k))
+        for k, unit in enumerate(("sccm", "mbar*l/s"))
+    ]
+    for one, other, unit in ((*made, "mbar*l/s"), (*made[::-1], "sccm")):
+        changed = one.roughvol.in_units(gas_leak_rate=unit)
+        assert_allclose(changed["gas_leak_rate"], other["gas_leak_rate"], rtol=1e-9)
+
+
+@pytest.mark.parametrize("more", ["", ", hardness: 1 GPa", ", thickness: 500 um"])
+def test_conductance_is_that_of_elastic_half_spaces_alone(more: str, tmp_path: Path) -> None:
+    material = f"material: {{E: 70 GPa, nu: 0.3, conductivity: [50 W/m/K, 15 W/m/K]{more}}}\n"
+    text = SURFACE.replace("mirrored", "periodic") + material + "sweep: {steps: 4, to: {contact_area: 0.1}}\n"
+    study = loads(text)
+    found = derived(execution.run(study, jobs=1, out=tmp_path), study)
+    assert ("contact_conductance" in found) == (not more)
+    assert "interfacial_stiffness" in found
