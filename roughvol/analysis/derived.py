@@ -56,8 +56,8 @@ def _stiffness(ds: Dataset, study: Study | None) -> dict[str, DataArray]:
         return {}
     found = {"interfacial_stiffness": stiffness.assign_attrs(_attributes("interfacial_stiffness"))}
     unit, bodies = ds.attrs.get("length_unit"), study.material.conductivity if study is not None else None
-    # The relation is that of elastic half spaces (Barber): no slope of a loading that yields, and no layer.
-    alike = study is not None and not study.material.yields and getattr(study.material, "thickness", None) is None
+    # Barber's relation is that of elastic half spaces: not of metal that yields, and not of a layer.
+    alike = study is not None and not study.material.yields and not study.kernel(unit).lengths
     if unit and bodies and alike:
         first_body, second = (in_unit(value, CONDUCTIVITY) or math.nan for value in bodies)
         length = convert(float(ds["L"]), unit, "m")

@@ -787,9 +787,11 @@ def _levelling(fine: Sequence[_Loaded], levelled: _Levelled, axis: str) -> Part:
         low.append(ends[0])
         high.append(ends[1])
         logs.append(log)
-    words = f"closes at × {number(math.exp(levelled.of_load(axis)))}"
+    words, of_loads = "not known at this load", levelled.of_load(axis)
     if np.isfinite(logs).all():
         words = f"× {number(math.exp(float(np.median(logs))))}"
+    elif math.isfinite(of_loads):
+        words = f"closes at × {number(math.exp(of_loads))} of the load"
     return _of_several("levelling", fine, low, high, axis, f"with {levelled.words}: {words}")
 
 
