@@ -16,7 +16,7 @@ _HARDNESS = "hardness, > 0, in the unit of the modulus, or as 2 GPa: the largest
 _PLASTIC = "true: pressures end at the hardness; false: contact is elastic, and the share above the hardness is stored"
 
 Conductivities = Annotated[list[Conductivity], Field(min_length=2, max_length=2)]
-_CONDUCTIVITY = "[k1, k2]: heat conductivities of both bodies, > 0, as [50 W/m/K, 15 W/m/K]: shows the conductance"
+_CONDUCTIVITY = "[k1, k2]: conductivities of elastic half spaces, > 0, as [50 W/m/K, 15 W/m/K]: shows the conductance"
 
 
 class Material(Strict):
