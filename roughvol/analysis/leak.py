@@ -70,7 +70,7 @@ def _named_dry(variable: DataArray) -> DataArray:
 def recorded(group: Dataset, label: str) -> dict[str, Array]:
     """Return the flows (surfaces, axes) at a recorded state, by the names of `counted`; empty without one.
 
-    Flows of ``flux_at`` are named dry under fluid pressure. A flow is NaN where the state was not reached.
+    Flows of the dry gap are named dry under fluid pressure. A flow is NaN where the state was not reached.
     """
     found: dict[str, DataArray] = {}
     if "flux_at" in group.dims and label in group["flux_at"].values.tolist():
@@ -82,8 +82,20 @@ def recorded(group: Dataset, label: str) -> dict[str, Array]:
     if STATE in group.dims and label in group[STATE].values.tolist():
         state = group.sel({STATE: label})
         for name in _stored(group):
-            found |= {name: state[LIFTED[name]], "open": is_open(state[LIFTED[name]])}
+            found |= {name: state[LIFTED[name]], "open": is_open(state[LIFTED[name]])} | _dry(group, state, name)
     return {name: values.transpose("seed", "axis").values.astype(float) for name, values in found.items()}
+
+
+def _dry(group: Dataset, state: Dataset, name: str) -> dict[str, DataArray]:
+    """Return the flows of the dry gap at a state under fluid pressure, as far as the steps have them."""
+    dry, lifted = state["fluid_leak_dry"], state["fluid_leak"]  # T* V*³; no more passes the dry gap
+    plates = state[f"{STATE}_free_volume"] ** 3
+    flows = {
+        name: dry * (state[LIFTED[name]] / lifted).where(lifted > 0.0, dry),
+        "transmissivity": (dry / plates).where(plates > 0.0, dry),
+        "open": is_open(dry),
+    }
+    return {f"{flow}_dry": values for flow, values in flows.items() if f"{flow}_dry" in group}
 
 
 def _stored(ds: Dataset) -> list[str]:

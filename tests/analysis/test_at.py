@@ -209,6 +209,14 @@ def test_under_fluid_pressure_the_leak_is_that_of_the_lifted_gap() -> None:
         state = at(run, _groups(run)[0], parse(level))
         lifted = stored["fluid_leak_rate"].sel(fluid_at=level).values
         assert_allclose(state.data["leak_rate"].values, lifted, rtol=0.0)
+        solved = stored.sel(fluid_at=level)
+        dry = (
+            lifted * (solved["fluid_leak_dry"] / solved["fluid_leak"]).fillna(0.0).values
+        )  # not read off between the steps
+        assert_allclose(state.data["leak_rate_dry"].values, dry, rtol=1e-12)
+        assert_allclose(
+            (state.data["transmissivity_dry"] * state.data["free_volume"] ** 3).values, solved["fluid_leak_dry"].values
+        )
         assert (state.data["leak_rate_dry"].values <= lifted).all()
         assert (state.data["leak_rate_dry"].values < lifted).any(axis=0).all()
         rows = _rows(_call("show", "lift", "--json", "--at", level).output)
