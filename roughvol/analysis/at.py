@@ -232,7 +232,7 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     if not reached and not beyond:
         return None
     data = between(group, reached + beyond, [*places, *[float(offset)] * len(beyond)])
-    if leg == 1 and SOLVED in group:
+    if SOLVED in group and (leg == 1 or "plastic_volume" not in group):  # elastic contact closes and opens at one load
         _close_where_solved(data, group, reached, places, own)
     _empty(data, group, alone)
     _take(data, own, group, reached, places)
@@ -256,17 +256,18 @@ def _close_where_solved(
     if P in own:
         load = np.where(np.isfinite(own[P][rows]), own[P][rows], load)
     closes = group[SOLVED].transpose("seed", "axis").values[rows]
-    first = group[P].transpose("seed", "step").values[rows, low]
-    with np.errstate(invalid="ignore"):
-        share = np.clip((closes - load[:, None]) / (closes - first[:, None]), 0.0, 1.0)
+    ends = [group[P].transpose("seed", "step").values[rows, end][:, None] for end in (low, high)]
     for name in leak.zero_beyond(data):
         if name not in data or "step" not in group[name].dims:
             continue
         steps = group[name].transpose("seed", "step", "axis").values
         before, after = steps[rows, low], steps[rows, high]
-        inside = np.isfinite(share) & (before > 0.0) & (after == 0.0) & (high > low)[:, None]
+        with np.errstate(invalid="ignore"):
+            share = np.clip((closes - load[:, None]) / (closes - np.where(before > 0.0, *ends)), 0.0, 1.0)
+        last = np.maximum(before, after)  # of the open end
+        inside = np.isfinite(share) & (np.minimum(before, after) == 0.0) & (last > 0.0)
         values = data[name].transpose("seed", "axis").values.copy()
-        shrunk = (share > 0.0).astype(float) if name.startswith(WAYS) else before * share
+        shrunk = (share > 0.0).astype(float) if name.startswith(WAYS) else last * share
         values[:count] = np.where(inside, shrunk, values[:count])
         data[name] = (("seed", "axis"), values, data[name].attrs)
 
