@@ -24,6 +24,7 @@ from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number
 from roughvol.campaign.interpretation import BEYOND
+from roughvol.contact.kernels import KERNELS
 from roughvol.observables.variables import AXES
 from roughvol.report.document import Pairs
 from roughvol.report.states import ROUNDING, P, Row, States, every_step, head, sentences
@@ -40,8 +41,8 @@ LEVELLED = {
 }
 CLOSING = "Where it closes"
 BRACKET = (
-    "The last way from side to side closes between the two loads, those of neighbouring states. The bracket leaves "
-    "out the error of grid and window."
+    "The last way from side to side closes between the two loads, those of neighbouring states; equal loads are a "
+    "solved closing load. The error of grid and window is left out."
 )
 SPREAD = "Of several surfaces: mean (smallest to largest) over those whose way closes, or else over all."
 
@@ -226,15 +227,22 @@ def _loading(run: Run) -> Pairs:
     """Return material, sweep, solver, states and their certified errors."""
     ds, study = run.dataset, run.study
     pairs = [] if study is None else _pressed(study, str(ds.attrs.get("region", "")))
+    kernel = None if study is None else KERNELS.get(study.kernel(study.surface.length_unit).name)
+    proof = "" if kernel is not None and kernel.m_matrix else "; measured on this kernel, not proved"
     if "residual" in ds:
         solved = ds["residual"].notnull()
         pairs += [
             ("States", f"{int((ds['converged'] & solved).sum())} of {int(solved.sum())} converged"),
-            ("Certified residual η/σ", f"{float(ds['residual'].max()):.1e} at most, which bounds the error of V*"),
+            (
+                "Certified residual η/σ",
+                f"{float(ds['residual'].max()):.1e} at most, which bounds the error of V*{proof}",
+            ),
         ]
     bound = float(ds["mean_pressure_bound"].where(ds[P] > ROUNDING).max()) if "mean_pressure_bound" in ds else math.nan
     if math.isfinite(bound):
-        pairs.append(("Certified error of p*", f"{bound:.1e} at most, relative"))
+        pairs.append(
+            ("Bound of the error of p*" if proof else "Certified error of p*", f"{bound:.1e} at most, relative{proof}")
+        )
     answers = (line.partition(": ") for line in str(ds.attrs.get("answer", "")).splitlines())
     pairs += [(name, text) for name, colon, text in answers if colon]
     fluid = study.record.fluid_pressure if study is not None else None
