@@ -47,7 +47,7 @@ LIBRARIES = {  # library -> rooms or modules that import it
         "store.small_file",
         "reproduction",
         "analysis.leak_curve",
-        "analysis.leak_budget",
+        "analysis.leak_budget.state",
     ),
     "numba": ("gap.compiled",),
     "lazy_loader": ("spellings",),

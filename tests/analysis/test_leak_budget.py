@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.analysis import leak_budget
 from roughvol.analysis.average import Average
 from roughvol.analysis.closing import Span
-from roughvol.analysis.leak_budget import _Finer, card_of, check_reached
+from roughvol.analysis.leak_budget import card_of, check_reached, grid
+from roughvol.analysis.leak_budget.grid import Finer
+from roughvol.analysis.leak_budget.state import surfaces_at_load
 from roughvol.analysis.leak_card import Card, Closing, Part, Way
 from roughvol.campaign import card as card_runs
 from roughvol.campaign import execution
@@ -291,8 +292,8 @@ def test_a_coarser_grid_that_closes_before_the_load_leaves_the_part_of_the_closi
     of_load = next(part for part in along_x.closing.parts if part.name == "grid")
     scatter, slopes = math.log(of_load.smaller), math.log(of_load.factor / of_load.smaller)
     assert slopes > scatter > 0.0
-    octaves = leak_budget.OCTAVES / (leak_budget.OCTAVES + leak_budget.PIXEL)
-    rise = math.exp(leak_budget.OPEN * scatter + octaves * slopes)
+    octaves = grid.OCTAVES / (grid.OCTAVES + grid.PIXEL)
+    rise = math.exp(grid.OPEN * scatter + octaves * slopes)
     lighter = _leak_of(text, 2.62 / rise, "x", tmp_path / "lighter")
     assert_allclose(_part(along_x, "grid").factor, lighter / along_x.leak.value, rtol=0.05)
     assert _part(along_x, "grid").smaller == math.inf  # it closes at a load a little larger
@@ -318,11 +319,11 @@ def test_slopes_do_not_grow_below_a_map_that_is_smooth_at_its_spacing() -> None:
     smooth = _finer_than(waves)
     assert smooth.growth == 0.0
     assert smooth.of_closing == (smooth.scatter, smooth.scatter)
-    assert "ends before it" in leak_budget._finer_words([smooth])
-    assert "roughness below the spacing counts" in leak_budget._finer_words([_Finer(0.5, 0.1)])
+    assert "ends before it" in grid._finer_words([smooth])
+    assert "roughness below the spacing counts" in grid._finer_words([Finer(0.5, 0.1)])
 
 
-def _finer_than(heights: np.ndarray) -> _Finer:
+def _finer_than(heights: np.ndarray) -> Finer:
     """Return what a finer grid may change, of surfaces that close at one load on every grid."""
     grids = []
     for factor in (1, 2, 4):
@@ -330,7 +331,7 @@ def _finer_than(heights: np.ndarray) -> _Finer:
         closing = Closing((Span(1.0, 1.0),), "")
         grids.append(SimpleNamespace(table=Dataset({"Sdq": ("seed", [slope])}), closing=lambda axis, c=closing: c))
     one, *others = grids
-    return _Finer.of(one, others)
+    return Finer.of(one, others)
 
 
 def test_a_closed_way_leaks_at_most_what_it_does_at_the_far_end_of_its_closing_load(tmp_path: Path) -> None:
@@ -618,7 +619,7 @@ def test_files_of_different_sq_are_each_at_the_load_with_a_card_of_all(tmp_path:
 
 
 def test_the_load_of_a_leak_is_the_inverse_of_the_leak_at_a_load(runs: CardRuns) -> None:
-    for one in leak_budget._loaded(runs.fine):
+    for one in surfaces_at_load(runs.fine):
         for axis in "xy":
             closes = one.closing(axis).value
             for share in (0.01, 0.2, 0.5, 0.9):  # before the first step, between steps, and beyond the last

@@ -3,7 +3,7 @@
     python -m tests.bench.card_coverage --first 4000 --surfaces 200
 
 A surface of 257 × 257 elements is the truth. Each fourth height, or means of 4 × 4 heights, are the scan. Seeds below
-3000 were used to set the rules of `roughvol.analysis.leak_budget`, those from 3000 on were not. Solved numbers
+3000 were used to set the rules of `roughvol.analysis.leak_budget.grid`, those from 3000 on were not. Solved numbers
 are kept in `--kept`, so that rules are tried again without new solves.
 """
 
@@ -22,9 +22,11 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from threadpoolctl import threadpool_limits
 
-from roughvol.analysis import leak_budget
 from roughvol.analysis.closing import Span
-from roughvol.analysis.leak_budget import _Loaded
+from roughvol.analysis.leak_budget.card import _at_most
+from roughvol.analysis.leak_budget.grid import Finer, grid_part, grid_part_of_load
+from roughvol.analysis.leak_budget.levelling import Levelled, levelling_part, levelling_part_of_load
+from roughvol.analysis.leak_budget.state import Loaded, curve_of
 from roughvol.analysis.leak_card import Closing, together
 from roughvol.analysis.stored_run import Run
 from roughvol.contact import HalfSpace, first_indentation, indentation_for
@@ -193,7 +195,7 @@ def every(seeds: range, kept: Path, nodes: int, sides: Sides) -> Iterator[tuple[
         yield kind, found
 
 
-class Solved(_Loaded):
+class Solved(Loaded):
     """Solved numbers of a grid in the place of a run."""
 
     def __init__(self, numbers: Numbers, place: int, loads: list[float], curve: list[Any]) -> None:
@@ -223,7 +225,7 @@ class Solved(_Loaded):
     def curve(self, axis: str) -> PchipInterpolator | None:
         """Return the logarithm of the leak over that of the load."""
         points = {load: leaks["xy".index(axis)] for load, leaks in self.points}
-        return leak_budget.curve_of(points | {self.load: self.leak(axis)}, self.closing(axis).value)
+        return curve_of(points | {self.load: self.leak(axis)}, self.closing(axis).value)
 
 
 def intervals(found: Numbers) -> Iterator[tuple[str, float, float, float, float]]:
@@ -234,12 +236,12 @@ def intervals(found: Numbers) -> Iterator[tuple[str, float, float, float, float]
             own["scan"] = found["curve"]
             grids = {name: Solved(found[name], place, found["loads"], curve) for name, curve in own.items()}
             fine = [grids.pop("scan")]
-            levelled = leak_budget._Levelled("", [grids["twice"]], [grids.pop("level")])
+            levelled = Levelled("", [grids["twice"]], [grids.pop("level")])
             coarser = [(name, [grid]) for name, grid in grids.items()]
-            finer = [leak_budget._Finer.of(fine[0], [grid for _, (grid,) in coarser])]
+            finer = [Finer.of(fine[0], [grid for _, (grid,) in coarser])]
             of_load = (
-                leak_budget._grid_of_loads(fine, coarser, finer, axis),
-                leak_budget._levelling_of_loads(levelled, axis),
+                grid_part_of_load(fine, coarser, finer, axis),
+                levelling_part_of_load(levelled, axis),
             )
             closing = Closing(fine[0].closing(axis).spans, "", of_load)
             if place == 0:
@@ -247,13 +249,13 @@ def intervals(found: Numbers) -> Iterator[tuple[str, float, float, float, float]
             leak, truth = fine[0].leak(axis), found["truth"]["leak"][place][k]
             if leak > 0.0:
                 parts = (
-                    leak_budget._grid(fine, coarser, finer, axis),
-                    leak_budget._levelling(fine, levelled, axis),
+                    grid_part(fine, coarser, finer, axis),
+                    levelling_part(fine, levelled, axis),
                 )
                 smaller, larger = together(parts)
                 yield LOADS[place], truth, leak, leak / smaller, leak * larger
             else:
-                yield "closed", truth, 0.0, 0.0, leak_budget._at_most(fine, closing, axis)
+                yield "closed", truth, 0.0, 0.0, _at_most(fine, closing, axis)
 
 
 def main() -> None:

@@ -3,8 +3,8 @@
     python -m tests.bench.window_coverage --first 1000 --joints 10
 
 A periodic joint of 256 × 256 elements is the truth, four windows of 64 × 64 of it, levelled and mirrored at their
-sides, are the maps. Seeds below `FRESH` were used to set `QUADRANTS` of `roughvol.analysis.leak_budget`, those from
-`FRESH` on were not. Solved numbers are kept in `--kept`.
+sides, are the maps. Seeds below `FRESH` were used to set `QUADRANTS` of `roughvol.analysis.leak_budget.window`, those
+from `FRESH` on were not. Solved numbers are kept in `--kept`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from roughvol.analysis import leak_budget
+from roughvol.analysis.leak_budget.window import scatter_of_loads
 from roughvol.contact import HalfSpace, first_indentation, indentation_for
 from roughvol.contact.loading import Contact, sweep
 from roughvol.gap import clusters, transport
@@ -97,7 +97,7 @@ def solved(seed: int, kept: Path) -> dict[str, Any]:
 def _scatter(own: Solved, axis: str, state: dict[str, Any]) -> float:
     k = "xy".index(axis)
     ratios = np.array(state["quadrants"][k]) / (state["leak"][k] or math.inf)
-    return leak_budget._scatter_of_loads(own, axis, ratios, state["load"])
+    return scatter_of_loads(own, axis, ratios, state["load"])
 
 
 def main() -> None:

@@ -1,0 +1,223 @@
+"""The card of one surface or of several: leaks and closing loads, each with its error, and the leak of the seal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from roughvol.analysis import seal
+from roughvol.analysis.at import at
+from roughvol.analysis.average import average
+from roughvol.analysis.closing import load_of
+from roughvol.analysis.derived import derived, groups
+from roughvol.analysis.leak import is_lifted
+from roughvol.analysis.leak_budget.grid import Finer, grid_part, grid_part_of_load
+from roughvol.analysis.leak_budget.levelling import Levelled, levelling_part, levelling_part_of_load
+from roughvol.analysis.leak_budget.solver import solver_part, solver_part_of_load
+from roughvol.analysis.leak_budget.state import (
+    FLOW,
+    SWEEP,
+    Loaded,
+    closing_of,
+    comparable,
+    flow_of,
+    gap_of,
+    leak_of,
+    per_starred,
+    same_surfaces,
+    surfaces_at_load,
+)
+from roughvol.analysis.leak_budget.window import window_part, window_part_of_load
+from roughvol.analysis.leak_card import Beside, Card, Closing, Part, SealLeak, SurfaceAtLoad, Way, together
+from roughvol.analysis.legs import first_leg
+from roughvol.analysis.seal import Patch
+from roughvol.analysis.stored_run import Run
+from roughvol.analysis.tables import number
+from roughvol.errors import DatasetError
+from roughvol.observables.variables import AXES
+from roughvol.observables.void import quarters
+from roughvol.store.card_runs import CardRuns, Pressed
+from roughvol.typing import Array
+
+
+def check_reached(fine: Pressed) -> None:
+    """Refuse a run without a surface that is pressed to the load of a card; the message has the loads of the run."""
+    if all(one.state is None for one in surfaces_at_load(fine)):
+        run = Run.of(SWEEP, fine.dataset)
+        for _, group in groups(derived(run.dataset, run.study)):
+            at(run, group, fine.level)  # raises, except beyond a sweep that ended closed
+        message = f"{SWEEP} ends before {fine.level.label}, and the fluid may open the way again: press farther"
+        raise DatasetError(message)
+
+
+def card_of(runs: Sequence[CardRuns], name: str, load: str) -> Card:
+    """Return the card of one surface or of several, from the runs of each height file or of generated surfaces."""
+    fine = [surface for one in runs for surface in surfaces_at_load(one.fine)]
+    if all(one.state is None for one in fine):
+        check_reached(runs[0].fine)
+    coarser = [comparable(grids, fine) for grids in zip(*(one.coarser for one in runs), strict=False)]
+    levels = [one.levelled for one in runs if one.levelled is not None]
+    levelled = None
+    if len(levels) == len(runs):
+        _, before = comparable([one.before_levelling for one in runs], fine)
+        levelled = Levelled(levels[0].words, before, comparable(levels, fine)[1])
+    ways = tuple(_way(fine, coarser, levelled, axis) for axis in AXES)
+    warnings = (line.strip() for one in runs for line in str(one.fine.dataset.attrs.get("warnings", "")).splitlines())
+    units = {str(one.table["nominal_pressure"].attrs["units"]) for one in fine if "nominal_pressure" in one.table}
+    return Card(
+        title=name,
+        load=load,
+        surfaces=tuple(_surface(one) for one in fine),
+        pressure_unit=next(iter(units), ""),
+        length_unit=str(fine[0].run.dataset.attrs.get("length_unit", "")),
+        ways=ways,
+        beside=tuple(_beside(fine)),
+        lifted=is_lifted(fine[0].table),
+        warnings=tuple(dict.fromkeys(filter(None, warnings))),
+        seal=_seal(fine, ways),
+    )
+
+
+def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
+    """Return the leak of the seal of a study, and where it closes; None without the section ``seal``."""
+    patch = Patch.of(fine[0].run.study, fine[0].table)
+    if patch is None:
+        return None
+    seal.check_alike([size for one in fine for size in seal.sizes_of(one.table)])
+    reached = [one for one in fine if all(math.isfinite(one.leak(axis)) for axis in AXES)]
+    flow = next(way for way in ways if way.axis == patch.seal.flow)
+    units = bool(flow.unit)
+    isotropic = seal.is_isotropic([seal.ratios(one.table) for one in fine])
+    maps = patch.conductances(np.array([[one.leak(axis) for axis in AXES] for one in reached]), in_units=units)
+    quadrants = patch.conductances(_of_quadrants(fine[0]), in_units=units) if len(fine) == 1 else None
+    shared = [part for part in flow.parts if part.name != "window"] if flow.leak.value > 0.0 else []
+    heights = [surface for one in fine if (surface := seal.surface_of(one.fields)) is not None]
+    representative = bool(heights) and seal.is_representative(heights)
+    closing, of_load = seal.Estimate(math.nan, math.nan, math.nan), tuple[Part, ...]()
+    loads = np.array([[[one.closing(axis).value for axis in patch.axes]] for one in fine])
+    if not is_lifted(fine[0].table) and (loads > 0.0).all():
+        closing = seal.closing_of(loads, patch.patches, isotropic=isotropic and len(fine) > 1)
+        of_load = tuple(part for part in flow.closing.parts if part.name != "window" or len(fine) == 1)
+        closing = seal.Estimate(*[closing.value] * 3) if len(fine) == 1 else closing
+        smaller, larger = together(of_load)
+        of_load += (seal.window_of(closing, f"{len(fine)} surfaces"),) if len(fine) > 1 else ()
+        closing = closing.with_factor(larger if representative else math.nan, smaller)
+    leak, parts, words = seal.leak_of(
+        patch,
+        maps,
+        quadrants,
+        isotropic=isotropic,
+        representative=representative,
+        shared=shared,
+    )
+    if (name := f"gas_{FLOW}") in fine[0].table:
+        leaks = np.array([[one.leak(axis, name) for axis in AXES] for one in fine])
+        throughput = f"{number(seal.median(patch, leaks, isotropic=isotropic))} {fine[0].unit(name)}"
+        gas = fine[0].table[name].attrs.get("gas", "the gas")
+        words += (f"leak of {gas}: {throughput}, the median of as many sheets; the interval is that of the liquid",)
+    if leak.value == 0.0 and representative:  # at most the leak of patches that close later
+        most = patch.conductances(np.array([[way.at_most for way in ways]]), in_units=units)[0, 0] * patch.squares
+        leak, parts = seal.Estimate(0.0, 0.0 if math.isfinite(most) else math.nan, most), flow.parts
+    return SealLeak(
+        label=patch.seal.label,
+        flow=patch.seal.flow,
+        patches=patch.patches,
+        leak=leak.value,
+        interval=(leak.low, leak.high),
+        unit=flow.unit,
+        parts=parts,
+        closing=closing.value,
+        closing_interval=(closing.low, closing.high),
+        load_unit=flow.closing.unit,
+        words=words,
+        closing_parts=of_load,
+    )
+
+
+def _of_quadrants(one: Loaded) -> Array:
+    """Return the leaks that the quadrants of a map would have as the map, shape (4, 2)."""
+    leaks = []
+    for axis in AXES:
+        gap, _ = gap_of(one, axis, lifted=is_lifted(one.table))
+        flows = [flow_of(part, axis) for part in quarters(gap)] if gap.size else [0.0] * 4
+        leaks.append(np.array(flows) * per_starred(one, axis) if any(flows) else np.zeros(4))
+    return np.stack(leaks, axis=1)
+
+
+def _surface(one: Loaded) -> SurfaceAtLoad:
+    return SurfaceAtLoad(
+        name=one.name,
+        Sq=float(one.table["Sq"][0]),
+        Sdq=float(one.table["Sdq"][0]),
+        mean_pressure=one.number("mean_pressure"),
+        nominal_pressure=one.number("nominal_pressure"),
+        contact_area=one.number("contact_area_fraction"),
+        free_volume=one.number("free_volume"),
+        leaks=tuple(one.leak(axis) for axis in AXES),
+        closings=tuple(one.closing(axis) for axis in AXES),
+        table=one.fields,
+        recorded=one.recorded,
+    )
+
+
+def _beside(fine: Sequence[Loaded]) -> Iterator[Beside]:
+    """Yield the leaks of the dry gap and of a gas."""
+    dry = "leak of the dry gap, without fluid pressure"
+    for name, words in ((f"{FLOW}_dry", dry), (f"gas_{FLOW}", "leak of"), (f"gas_{FLOW}_dry", dry)):
+        leaks = [[one.leak(axis, name) for one in fine] for axis in AXES]
+        variable = fine[0].table.get(name)
+        if np.isfinite(leaks).any():
+            gas = f"{variable.attrs['gas']}" if variable is not None and "gas" in variable.attrs else ""
+            text = f"{words} {gas}" if words == "leak of" else f"{words}, {gas}".removesuffix(", ")
+            yield Beside(text, tuple(average(name, row) for row in leaks), fine[0].unit(name))
+
+
+def _way(
+    fine: Sequence[Loaded],
+    coarser: Sequence[tuple[str, list[Loaded]]],
+    levelled: Levelled | None,
+    axis: str,
+) -> Way:
+    """Return the leak along one axis with its closing and its error."""
+    leak = leak_of(fine, axis)
+    finer = [Finer.of(one, others) for one, *others in same_surfaces(fine, coarser)]
+    window = window_part_of_load(fine, axis)
+    of_load = [solver_part_of_load(fine, axis), grid_part_of_load(fine, coarser, finer, axis), window]
+    if levelled is not None:
+        of_load.append(levelling_part_of_load(levelled, axis))
+    closing = replace(closing_of(fine, axis), parts=tuple(of_load))
+    others = tuple((words, closing_of(surfaces, axis)) for words, surfaces in coarser)
+    if leak.value > 0.0:
+        parts = [solver_part(fine, axis), grid_part(fine, coarser, finer, axis), window_part(fine, window, axis)]
+        if levelled is not None:
+            parts.append(levelling_part(fine, levelled, axis))
+    else:
+        parts = of_load
+    count = sum(one.leak(axis) > 0.0 for one in fine)
+    most = _at_most(fine, closing, axis) if leak.value == 0.0 else math.nan
+    return Way(axis, leak, count, fine[0].unit(), closing, others, _last_open(fine, axis), tuple(parts), most)
+
+
+def _at_most(fine: Sequence[Loaded], closing: Closing, axis: str) -> float:
+    """Return the leak of a closed way if it closes at the far end of the interval of its closing load."""
+    _, larger = together(closing.parts)
+    leaks = [one.leak_if(axis, math.log(larger)) for one in fine]
+    return average(FLOW, leaks).value if np.isfinite(leaks).all() else math.nan
+
+
+def _last_open(fine: Sequence[Loaded], axis: str) -> str:
+    """Return the leak of the last open step of the only surface, where it is closed at the load."""
+    table = first_leg(fine[0].table)
+    name = next((name for name in (FLOW, f"{FLOW}_dry") if name in table), "")
+    if len(fine) > 1 or fine[0].leak(axis) != 0.0 or not name:
+        return ""
+    leaks = table[name].sel(axis=axis).values[0]
+    open_ = np.flatnonzero(leaks > 0.0)
+    if not open_.size:
+        return "closed at every step"
+    leak, load = float(leaks[open_[-1]]), float(table[load_of(table)][0, open_[-1]])
+    amount = f"{number(leak)} {fine[0].unit(name)}" + (" without fluid pressure" if name.endswith("_dry") else "")
+    return f"at the last open step, {fine[0].closing(axis).load(load)}, it leaks {amount}"

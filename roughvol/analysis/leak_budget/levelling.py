@@ -1,0 +1,75 @@
+"""The part of the levelling: the change of leak and closing load with another levelling of a height file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from roughvol.analysis.leak import is_lifted
+from roughvol.analysis.leak_budget.state import (
+    Loaded,
+    closing_of,
+    log_ratio,
+    part_of_surfaces,
+)
+from roughvol.analysis.leak_card import Part
+from roughvol.analysis.tables import number
+
+
+@dataclass(frozen=True, eq=False)
+class Levelled:
+    """Surfaces with another levelling, in words, and before it, both on one grid."""
+
+    words: str
+    before: list[Loaded]
+    after: list[Loaded]
+
+    def of_load(self, axis: str) -> float:
+        """Return the logarithm of what the levelling does to the closing load; NaN where it is not known."""
+        here, there = (closing_of(some, axis).value for some in (self.before, self.after))
+        return math.log(there / here) if here > 0.0 and there > 0.0 else math.nan
+
+
+def levelling_part_of_load(levelled: Levelled, axis: str) -> Part:
+    """Return the part of the levelling of the closing load."""
+    log = levelled.of_load(axis)
+    if math.isnan(log):
+        return Part("levelling", math.nan, f"with {levelled.words}: not closed within the sweep")
+    return Part("levelling", math.exp(abs(log)), f"with {levelled.words}: × {number(math.exp(log))}")
+
+
+def levelling_part(fine: Sequence[Loaded], levelled: Levelled, axis: str) -> Part:
+    """Return the part of the levelling of the leak; where the way closes on its grid, that of the closing load."""
+    low, high, logs = list[float](), list[float](), list[float]()
+    for one, before, after in zip(fine, levelled.before, levelled.after, strict=True):
+        log = _log_of_levelling(one, before, after, axis)
+        here, change = one.leak(axis), math.exp(abs(log))
+        ends = here / change, here * change
+        if math.isnan(log) and after.closing(axis).value > 0.0 and before.closing(axis).value > 0.0:
+            of_load = abs(math.log(after.closing(axis).value / before.closing(axis).value))
+            ends = one.leak_if(axis, -of_load), one.leak_if(axis, of_load)
+        low.append(ends[0])
+        high.append(ends[1])
+        logs.append(log)
+    words, of_loads = "not known at this load", levelled.of_load(axis)
+    if np.isfinite(logs).all():
+        words = f"× {number(math.exp(float(np.median(logs))))}"
+    elif math.isfinite(of_loads):
+        words = f"closes at × {number(math.exp(of_loads))} of the load"
+    return part_of_surfaces("levelling", fine, low, high, axis, f"with {levelled.words}: {words}")
+
+
+def _log_of_levelling(one: Loaded, before: Loaded, after: Loaded, axis: str) -> float:
+    """Return the logarithm of what a levelling does to the leak; NaN where the way closes.
+
+    A coarser grid closes at a smaller load. The leaks are those at the same share of the closing load.
+    """
+    closes, known = before.closing(axis).value, one.closing(axis).value
+    if not one.leads or is_lifted(one.table) or not (0.0 < known < math.inf and 0.0 < closes < math.inf):
+        return log_ratio(before, after, axis)
+    load = one.load * closes / known
+    here, there = (grid.leak_at(axis, load) for grid in (before, after))
+    return math.log(there / here) if here > 0.0 and there > 0.0 else math.nan

@@ -1,0 +1,270 @@
+"""The surfaces of a run at the load of a card: leaks there and at other loads, gaps, and the run on another grid."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+from xarray import Dataset
+
+from roughvol.analysis.at import at, legs_of, scales
+from roughvol.analysis.average import Average, average
+from roughvol.analysis.closing import load_of, spans
+from roughvol.analysis.derived import derived, groups
+from roughvol.analysis.leak import STATE, is_lifted
+from roughvol.analysis.leak_card import Closing, Part
+from roughvol.analysis.legs import first_leg
+from roughvol.analysis.stored_run import Run
+from roughvol.errors import DatasetError
+from roughvol.gap.transport import conduction
+from roughvol.observables.variables import AXES
+from roughvol.store.card_runs import Pressed
+from roughvol.study import HeightFile, Level, Quantity
+from roughvol.typing import Array
+
+EXACT = 1e-8  # accuracy of the flows whose ratios are parts of the error
+FLOW, SWEEP = "leak_rate", "the sweep"
+FAR, LEAST_SLOPE = 20.0, 1e-6  # logarithm of loads before the first state; of a leak over that of the load
+NEARER = 2.0 ** -np.arange(1.0, 31.0)  # distances to the closing load over that of the last state
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """One surface of a run at the load of a card; ``of_leak``, ``of_load`` make it comparable with the finest grid."""
+
+    name: str
+    run: Run
+    level: Level
+    table: Dataset  # states along step, fields, of one surface along seed
+    state: Dataset | None  # None if the sweep does not reach the load and is open at its end
+    recorded: str
+    leads: bool = True  # the state lies on the first leg
+    of_leak: float = 1.0
+    of_load: float = 1.0
+
+    def number(self, name: str, axis: str = "") -> float:
+        """Return a number of the state, along an axis where it has a direction; NaN without one."""
+        if self.state is None or name not in self.state:
+            return math.nan
+        value = self.state[name].isel(seed=0)
+        return float(value.sel(axis=axis) if axis else value)
+
+    def leak(self, axis: str, name: str = FLOW) -> float:
+        """Return a flow of the state: in the unit of the study, else T* V*³."""
+        if self.state is None:
+            return math.nan
+        if name in self.state:
+            return self.number(name, axis) * self.of_leak
+        if name == FLOW and "flow" in self.state:
+            return self.number("flow", axis) * self.of_leak
+        starred = name.replace(FLOW, "transmissivity")
+        volume = self.number("free_volume")
+        return self.number(starred, axis) * (volume**3 if math.isfinite(volume) else 1.0) * self.of_leak
+
+    def unit(self, name: str = FLOW) -> str:
+        """Return the unit of a flow, empty for T* V*³."""
+        return str(self.table[name].attrs["units"]) if name in self.table else ""
+
+    @property
+    def fields(self) -> Dataset:
+        """The run without dimensions of cases."""
+        return self.table.isel(seed=0)
+
+    def closing(self, axis: str) -> Closing:
+        """Return where the last way along an axis closes on loading."""
+        loading = first_leg(self.table)
+        unit = str(loading[load_of(loading)].attrs.get("units", "1"))
+        found = spans(loading, axis)
+        scaled = (
+            replace(s, open_up_to=s.open_up_to * self.of_load, closed_from=s.closed_from * self.of_load) for s in found
+        )
+        return Closing(tuple(scaled), "" if unit == "1" else unit)
+
+    def curve(self, axis: str) -> PchipInterpolator | None:
+        """Return the logarithm of the leak, under fluid pressure of the dry gap, on the first leg, see `curve_of`."""
+        table = first_leg(self.table).isel(seed=0)
+        dry = "_dry" if is_lifted(self.table) else ""
+        if f"transmissivity{dry}" not in table:
+            return None
+        starred = table[f"transmissivity{dry}"].sel(axis=axis).values * table["free_volume"].values ** 3
+        leaks = table[f"{FLOW}{dry}"].sel(axis=axis).values if f"{FLOW}{dry}" in table else starred
+        loads = table[load_of(table)].values * self.of_load
+        points = dict(zip(loads.tolist(), (leaks * self.of_leak).tolist(), strict=True))
+        if self.leads and not dry and self.state is not None:
+            load = self.number(load_of(table)) * self.of_load
+            points = {p: leak for p, leak in points.items() if not math.isclose(p, load)} | {load: self.leak(axis)}
+        return curve_of(points, self.closing(axis).value)
+
+    def leak_at(self, axis: str, load: float) -> float:
+        """Return the leak at another load; NaN if unknown."""
+        curve = self.curve(axis)
+        if load >= self.closing(axis).value:
+            return 0.0
+        return math.exp(curve(math.log(load))) if curve is not None and load > 0.0 else math.nan
+
+    def load_at(self, axis: str, leak: float) -> float:
+        """Return the load with another leak, the closing load of none; NaN if unknown."""
+        curve = self.curve(axis)
+        if curve is None or not leak > 0.0:
+            return self.closing(axis).value
+        found = curve.solve(math.log(leak), extrapolate=False)
+        return math.exp(found[-1]) if len(found) else self.closing(axis).value
+
+    def leak_if(self, axis: str, log: float) -> float:
+        """Return the leak of a joint with all loads larger by a factor; NaN where it is not known."""
+        if not self.leads or is_lifted(self.table) or math.isnan(self.leak(axis)):
+            return math.nan
+        return self.leak_at(axis, self.load * math.exp(-log))
+
+    @property
+    def load(self) -> float:
+        """Load of the state, as those of the closings; of a surface that closed before the load if it is a pressure."""
+        name, level = load_of(self.table), self.level
+        if math.isnan(found := self.number(name)) and level.kind == "pressure" and level.value is not None:
+            _, starred = next(iter(scales(self.run, self.table))).starred(level.kind, level.value)
+            return starred * float((self.table[name] / self.table["mean_pressure"]).max())
+        return found
+
+
+def curve_of(points: Mapping[float, float], closes: float) -> PchipInterpolator | None:
+    """Return the logarithm of a leak over that of the load, from leaks by load; None from fewer than two open states.
+
+    Before the first state the leak goes with a power of the load. From the last state to the closing load p_c it goes
+    with a power of 1 - p/p_c, of the slope between the last two states. Without a closing load it is NaN there.
+    """
+    known = sorted((p, leak) for p, leak in points.items() if p > 0.0 and leak > 0.0 and not p >= closes)
+    if len(known) < 2:
+        return None
+    loads, leaks = np.array(known).T
+    x, y = np.log(loads), np.log(leaks)
+    slopes = np.minimum(np.diff(y) / np.diff(x), -LEAST_SLOPE)
+    before = np.array([x[0] - FAR]), np.array([y[0] - FAR * slopes[0]])
+    after = np.empty(0), np.empty(0)
+    if math.isfinite(closes):
+        left = 1.0 - loads[-1] / closes
+        power = max(1.0, -slopes[-1] * left / (1.0 - left))
+        after = np.log(closes * (1.0 - left * NEARER)), y[-1] + power * np.log(NEARER)
+    sides = (np.concatenate([one, middle, other]) for one, middle, other in zip(before, (x, y), after, strict=True))
+    return PchipInterpolator(*sides, extrapolate=False)
+
+
+def surfaces_at_load(pressed: Pressed) -> Iterator[Loaded]:
+    """Yield the surfaces of a run at the load of a card."""
+    run = Run.of(SWEEP, pressed.dataset)
+    for label, group in groups(derived(run.dataset, run.study)):
+        for k in range(group.sizes["seed"]):
+            one = group.isel(seed=[k])
+            name = f"{label}, seed {int(one['seed'][0])}" if "seed" in one.coords else label
+            try:
+                state = at(run, one, pressed.level)
+            except DatasetError:
+                yield Loaded(name, run, pressed.level, one, None, pressed.level.label)
+                continue
+            study = run.study
+            dry = study is not None and study.record.fluid_pressure is not None and not is_lifted(one)
+            leads = len(legs_of(one)) == 1 or leg_of(one, pressed.level) == 1
+            yield Loaded(name, run, pressed.level, one, None if dry else state.data, state.recorded, leads)
+
+
+def leg_of(table: Dataset, level: Level) -> int:
+    """Return the leg of a level: the last one of ``last``, else the first one if none is named."""
+    if level.kind == "step":
+        return int(table["leg"].sel(step=int(level.value or 1)))
+    return level.leg or (legs_of(table)[-1] if level.kind == "last" else 1)
+
+
+def comparable(runs: Sequence[Pressed], fine: Sequence[Loaded]) -> tuple[str, list[Loaded]]:
+    """Return the words of another grid or levelling, and its surfaces with what makes them comparable.
+
+    At equal nominal pressure leaks are compared as they are, and as T* V*³ Sq³ without a unit. At equal p* starred
+    numbers are compared, as those of generated surfaces with starred loads.
+    """
+    surfaces = [surface for one in runs for surface in surfaces_at_load(one)]
+    study = surfaces[0].run.study
+    physical = (study is not None and isinstance(study.surface, HeightFile)) or isinstance(
+        runs[0].level.value, Quantity
+    )
+    found = []
+    for other, own in zip(surfaces, fine, strict=True):
+        ratio = float(other.table["Sq"][0]) / float(own.table["Sq"][0])
+        powers = (3, 1) if physical else (-3, -1)
+        in_units = bool(own.unit()), load_of(own.table) == "nominal_pressure"
+        of_leak, of_load = (ratio**n if physical != has else 1.0 for n, has in zip(powers, in_units, strict=True))
+        found.append(replace(other, of_leak=of_leak, of_load=of_load))
+    return runs[0].words, found
+
+
+def leak_of(surfaces: Sequence[Loaded], axis: str) -> Average:
+    """Return the leak of several surfaces."""
+    return average(FLOW, [one.leak(axis) for one in surfaces])
+
+
+def closing_of(surfaces: Sequence[Loaded], axis: str) -> Closing:
+    """Return where the last way of several surfaces closes."""
+    found = [one.closing(axis) for one in surfaces]
+    return Closing(tuple(span for closing in found for span in closing.spans), found[0].unit)
+
+
+def log_ratio(one: Loaded, other: Loaded, axis: str) -> float:
+    """Return the logarithm of the leak of another run over that on the finest grid; not finite without both."""
+    here, there = one.leak(axis), other.leak(axis)
+    return math.log(there / here) if here > 0.0 and there > 0.0 else math.nan
+
+
+def same_surfaces(fine: Sequence[Loaded], others: Sequence[tuple[str, list[Loaded]]]) -> Iterator[tuple[Loaded, ...]]:
+    """Yield each surface with the same surface of the other runs."""
+    yield from zip(fine, *(surfaces for _, surfaces in others), strict=True)
+
+
+def part_of_surfaces(
+    name: str, fine: Sequence[Loaded], low: Sequence[float], high: Sequence[float], axis: str, words: str
+) -> Part:
+    """Return a part of the median of several leaks, from the smallest and the largest leak of each; NaN if unknown."""
+    leaks = np.array([one.leak(axis) for one in fine])
+    reached = np.isfinite(leaks)
+    ends = np.where(np.isnan(low), 0.0, low), np.where(np.isnan(high), math.inf, high)
+    here, least, most = (float(np.median(values[reached])) for values in (leaks, *ends))
+    return Part(name, most / here, words, here / least if least > 0.0 else math.inf)
+
+
+def gap_of(one: Loaded, axis: str, *, lifted: bool) -> tuple[Array, bool]:
+    """Return the gap over σ at the recorded state, in the region, and whether that is the whole; empty without one."""
+    if "flux" not in one.table:  # no surface reaches the load
+        return np.empty((0, 0)), False
+    state = one.fields.sel(field_at=one.recorded, flux_at=one.recorded)
+    kept = state["fluid_gap"].sel({STATE: one.recorded, "axis": axis}) if lifted else state["gap"]
+    gap = kept.transpose("x", "y").values
+    inside, solved = np.isfinite(state["flux"].sel(axis=axis).transpose("x", "y").values), np.isfinite(gap)
+    rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
+    if not rows.size:
+        return np.empty((0, 0)), False
+    window = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    return np.asarray(gap[window]), bool(inside[solved].all())
+
+
+def flow_of(gap: Array, axis: str, *, periodic: bool = False) -> float:
+    """Return T* V*³ of a gap over σ."""
+    flow = conduction(gap, AXES.index(axis), periodic=periodic, accuracy=EXACT)
+    return flow.coefficient * float(gap.mean()) ** 3
+
+
+def is_periodic(one: Loaded) -> bool:
+    """Return whether a run is of periodic surfaces."""
+    return "periodic" in one.run.dataset.attrs
+
+
+def per_starred(one: Loaded, axis: str) -> float:
+    """Return the leak of T* V*³ = 1, from the first open step; 1 without a unit, NaN without an open step."""
+    if not one.unit():
+        return 1.0
+    for dry in ("", "_dry"):
+        names = f"{FLOW}{dry}", f"transmissivity{dry}"
+        if all(name in one.table for name in names):
+            leak, starred = (one.table[name].sel(axis=axis).values[0] for name in names)
+            open_ = np.flatnonzero(starred > 0.0)
+            volume = one.table["free_volume"].values[0]
+            return float(leak[open_[0]] / (starred[open_[0]] * volume[open_[0]] ** 3)) if open_.size else math.nan
+    return math.nan
