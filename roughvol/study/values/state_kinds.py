@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from roughvol.errors import DatasetError
 from roughvol.study.plain_data import number_text
 from roughvol.study.python_data import text_of_value
-from roughvol.study.values.units import EXAMPLES, Quantity, Written, convert, read, unit_of
+from roughvol.study.values.units import KINDS, Quantity, Written, convert, read, unit_of
 
 if TYPE_CHECKING:
     from roughvol.typing import Load, Loads
@@ -169,7 +169,7 @@ def parse(text: str) -> Level:
     if kind.unit == _Q and not float(level.value or 0.0) > 0.0:
         raise DatasetError(f"{text}: allowed: a leak rate > 0; roughvol show has the load at which each way closes")
     if kind.needs_unit and not isinstance(level.value, Quantity):
-        raise DatasetError(f"{text}: needs its unit, as {name}={EXAMPLES[kind.unit].replace(' ', '')}")
+        raise DatasetError(f"{text}: needs its unit, as {name}={KINDS[kind.unit].example.replace(' ', '')}")
     return level
 
 
