@@ -22,7 +22,7 @@ from pydantic import (
 
 from roughvol.study.plain_data import KeyPath, number_text
 from roughvol.study.sections.dimensional import Dimensional, FluidPressure, LeakRate
-from roughvol.study.sections.strict import Choice, Strict, models_in
+from roughvol.study.sections.strict import Choice, Strict
 from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
 from roughvol.study.values.own import OwnQuantity, own
 from roughvol.study.values.state_kinds import STATE_KINDS, Level
@@ -268,13 +268,12 @@ class Record(Strict):
     @property
     def selects(self) -> dict[tuple[str, ...], Select]:
         """The states of each key that selects some."""
-        found = {}
-        for path in SELECTORS:
-            here: Any = self
-            for part in path:
-                here = here and getattr(here, part)
-            if isinstance(here, Select):
-                found[path] = here
+        found: dict[tuple[str, ...], Select] = {}
+        for name, value in self:
+            if isinstance(value, Select):
+                found[name,] = value
+            elif isinstance(value, Strict):
+                found |= {(name, inner): select for inner, select in value if isinstance(select, Select)}
         return found
 
     @property
@@ -300,19 +299,3 @@ class Record(Strict):
                 new = getattr(record, name).model_copy(update={inner[0]: new})
             record = record.model_copy(update={name: new})
         return record
-
-
-def _selectors() -> Iterator[tuple[str, ...]]:
-    """Yield the path of every key of `Record` that selects states."""
-    for name, field in Record.model_fields.items():
-        for model in models_in(field.annotation):
-            if issubclass(model, Select):
-                yield (name,)
-                continue
-            for inner, within in model.model_fields.items():
-                if any(issubclass(part, Select) for part in models_in(within.annotation)):
-                    yield name, inner
-
-
-SELECTORS = tuple(_selectors())
-"""Paths of the keys of the section ``record`` that select states."""
