@@ -25,6 +25,7 @@ from roughvol.study.values.units import Quantity, convert
 
 S = TypeVar("S")  # `study.Study`
 T = TypeVar("T")
+Label = float | str
 
 AXES: dict[str, tuple[str, ...]] = {
     "level": ("surface", "level"),
@@ -39,12 +40,10 @@ AXES: dict[str, tuple[str, ...]] = {
     "region": ("record", "region"),
 }
 """Key path of each axis, in the order of the dimensions of a dataset."""
-LABELS_OF_NONE = {"low_pass": 0.0, "thickness": math.inf, "hardness": math.inf, "region": "whole"}
+LABELS_OF_NONE: dict[str, Label] = {"low_pass": 0.0, "thickness": math.inf, "hardness": math.inf, "region": "whole"}
 """Label of the item 'none', of each axis that takes this item."""
 MOST = 1000  # combinations
 NONE = "none"
-
-Label = float | str
 
 
 @dataclass(frozen=True)
