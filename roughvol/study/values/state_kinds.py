@@ -279,22 +279,20 @@ class Scale:
         if quantity == "pressure":
             assert self.modulus_unit is not None
             modulus = convert(self.E_star, self.modulus_unit, "Pa")
-            pressure = convert(float(value), unit, "Pa") if kind == "pressure" else self._pressure(float(value), unit)
+            if kind == "pressure":
+                pressure = convert(float(value), unit, "Pa")
+            else:
+                pressure = convert(float(value), unit, "N") / (self.area * self._metre**2)
             return quantity, pressure * self.L / (modulus * self.Sq)
         assert self.length_unit is not None
         if kind.startswith("leak_rate"):
             if self.drive is None:
                 raise ValueError(f"{kind} {value}: needs the fluid, record.dimensional.leak_rate")
-            return quantity, convert(float(value), unit, "m^3/s") * 12.0 / (self.drive * self._sigma_in_metres**3)
+            return quantity, convert(float(value), unit, "m^3/s") * 12.0 / (self.drive * (self.Sq * self._metre) ** 3)
         return quantity, convert(float(value), unit, self.length_unit) / self.Sq
 
     @property
-    def _sigma_in_metres(self) -> float:
+    def _metre(self) -> float:
+        """The unit of length in metres."""
         assert self.length_unit is not None
-        return self.Sq * convert(1.0, self.length_unit, "m")
-
-    def _pressure(self, load: float, unit: str) -> float:
-        """Return the mean pressure of a load in Pa."""
-        assert self.length_unit is not None
-        metre = convert(1.0, self.length_unit, "m")
-        return convert(load, unit, "N") / (self.area * metre**2)
+        return convert(1.0, self.length_unit, "m")
