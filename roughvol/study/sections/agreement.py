@@ -67,8 +67,8 @@ def resolve(surface: HeightFile) -> Measured:
         wrong(f"the files differ in size, {sizes} {unit or ''}".rstrip(), "surface.against.file")
 
     def shape(index: int) -> tuple[int, int]:
-        description = descriptions[index]
-        return description.shape if description else _shape(bodies[index], _KEYS[index])
+        body = bodies[index]
+        return (descriptions[index] or _read(body, body.sha256, _KEYS[index], ignored=True)).shape
 
     notes = _notes(float(L), unit, descriptions, bodies)
     own = [description.sides if description else None for description in descriptions]
@@ -192,21 +192,17 @@ def _digest(path: Path, key: str) -> str:
 
 def _described(body: HeightFile | CounterBody, sha256: str, key: str) -> Description | None:
     """Return size and units of a file, without those the study ignores; None for a format without."""
-    path = Path(body.file)
-    if path.suffix.lower() in BARE_FORMATS:  # no import of numpy for these
+    if Path(body.file).suffix.lower() in BARE_FORMATS:  # no import of numpy for these
         return None
     ignored = body.header == "ignore"
-    try:
-        description = _description(path, sha256, body.variable, body.columns, ignored)
-    except (DatasetError, SurfaceError) as error:
-        wrong(str(error), f"{key}.file")
+    description = _read(body, sha256, key, ignored=ignored)
     return replace(description, sides=None, unit=None, heights_unit=None) if ignored else description
 
 
-def _shape(body: Body, key: str) -> tuple[int, int]:
-    """Return the nodes of a file without size and units."""
+def _read(body: HeightFile | CounterBody | Body, sha256: str, key: str, *, ignored: bool) -> Description:
+    """Return nodes, size and units of a file; with ``ignored`` its size and units are not read."""
     try:
-        return _description(body.file, body.sha256, body.variable, body.columns, ignored=True).shape
+        return _description(Path(body.file), sha256, body.variable, body.columns, ignored)
     except (DatasetError, SurfaceError) as error:
         wrong(str(error), f"{key}.file")
 
