@@ -101,11 +101,9 @@ class Sized(Strict):
     def in_own_unit(self, length: float) -> float:
         """Return a length in the unit of L; a plain number is in that unit."""
         given = unit_of(length)
-        return (
-            float(length)
-            if given is None or self.length_unit is None
-            else float(length) * factor(given, self.length_unit)
-        )
+        if given is None or self.length_unit is None:
+            return float(length)
+        return float(length) * factor(given, self.length_unit)
 
 
 class GeneratedSurface(Sized):
