@@ -209,10 +209,8 @@ def load_creep(given: str | Path | Mapping[str, Any]) -> Creep:
     problems: dict[KeyPath, str] = {}
     file, arguments = ("", ARGUMENTS) if isinstance(given, Mapping) else (str(given), None)
     try:
-        if isinstance(given, Mapping):
-            law = Creep.model_validate(reading.read(write(plain(given, problems))))
-        else:
-            law = Creep.model_validate(reading.read(Path(given).read_text(encoding="utf-8")))
+        text = write(plain(given, problems)) if isinstance(given, Mapping) else Path(given).read_text(encoding="utf-8")
+        law = Creep.model_validate(reading.read(text))
     except (OSError, UnicodeDecodeError) as error:
         raise StudyError([Problem(f"cannot read the creep law: {error}", file=file)]) from error
     except UnreadableError as error:
