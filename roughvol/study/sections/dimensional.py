@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import (
-    ConfigDict,
-    Field,
-    model_validator,
-)
+from pydantic import ConfigDict, Field, model_validator
 
 from roughvol.study.sections.strict import Choice, Strict
 from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
