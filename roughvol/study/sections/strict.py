@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterator
 from typing import Any, NoReturn, get_args
 
-from pydantic import BaseModel, ConfigDict, RootModel, ValidationError, model_serializer
+from pydantic import BaseModel, ConfigDict, Field, RootModel, ValidationError, model_serializer
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from roughvol.study.plain_data import KeyPath
@@ -40,6 +40,11 @@ def nearest(word: str, known: list[str]) -> str | None:
     lower = {name.lower(): name for name in known}
     close = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.65)
     return lower[close[0]] if close else None
+
+
+def optional(description: str) -> Any:
+    """Return the field of a key that a study may leave out."""
+    return Field(default=None, description=description)
 
 
 class Strict(BaseModel):
