@@ -15,7 +15,7 @@ from roughvol.study.sections.material import ContactModulus, YoungPoisson, tag_m
 from roughvol.study.sections.record import Record
 from roughvol.study.sections.seal import Seal
 from roughvol.study.sections.solver import Solver
-from roughvol.study.sections.strict import Strict
+from roughvol.study.sections.strict import Strict, optional
 from roughvol.study.sections.surface import GeneratedSurface, SpectralSurface
 from roughvol.study.sections.sweep import Legs, Sweep, tag_sweep
 from roughvol.study.values.types import Word
@@ -52,24 +52,14 @@ class StudyFile(Strict):
         default=Solver(),
         description="{accuracy, rtol or max_error, kernel, method}; 'paper' is short for {method: paper}",
     )
-    record: Record = Field(
-        default=Record(),
-        description=f"{{{', '.join(Record.model_fields)}}}",
-    )
+    record: Record = Field(default=Record(), description=f"{{{', '.join(Record.model_fields)}}}")
+    ensemble: Ensemble | None = optional("{accuracy, at, budget, first_seed}: accuracy of the mean over all surfaces")
 
-    ensemble: Ensemble | None = Field(
-        default=None, description="{accuracy, at, budget, first_seed}: accuracy of the mean over all surfaces"
-    )
+    fluid: Fluid | None = optional("{gas, inlet, outlet, temperature, law}: the gas of record.transport.gas_flow")
 
-    fluid: Fluid | None = Field(
-        default=None, description="{gas, inlet, outlet, temperature, law}: the gas of record.transport.gas_flow"
-    )
+    seal: Seal | None = optional("{length, width, flow}: the seal that the surfaces are patches of")
 
-    seal: Seal | None = Field(
-        default=None, description="{length, width, flow}: the seal that the surfaces are patches of"
-    )
-
-    comment: str | None = Field(default=None, description="any text for readers; it changes no answer")
+    comment: str | None = optional("any text for readers; it changes no answer")
 
     @model_validator(mode="before")
     @classmethod

@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from roughvol.study.sections.strict import Choice, Strict
+from roughvol.study.sections.strict import Choice, Strict, optional
 from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
 from roughvol.study.values.types import Positive, refuse
-from roughvol.study.values.units import In, convert, in_unit, unit_name, unit_of
+from roughvol.study.values.units import In, LengthUnit, convert, in_unit, unit_name, unit_of
 
 
 class LeakRate(Strict):
@@ -39,27 +39,20 @@ class Dimensional(Choice):
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
-    pressure: Annotated[str, unit_name("pressure")] | None = Field(
-        default=None, description="store the nominal contact pressure p* E* Sq/L in this unit, as MPa"
+    pressure: Annotated[str, unit_name("pressure")] | None = optional(
+        "store the nominal contact pressure p* E* Sq/L in this unit, as MPa"
     )
-    free_volume: Annotated[str, unit_name("volume per area")] | None = Field(
-        default=None, description="store the free volume over the nominal area in this unit, as mm^3/m^2"
+    free_volume: Annotated[str, unit_name("volume per area")] | None = optional(
+        "store the free volume over the nominal area in this unit, as mm^3/m^2"
     )
-    mean_gap: Annotated[str, unit_name("length")] | None = Field(
-        default=None, description="store the mean gap V* Sq in this unit, as um"
+    mean_gap: LengthUnit | None = optional("store the mean gap V* Sq in this unit, as um")
+    separation: LengthUnit | None = optional("store the separation d of the mean planes in this unit, as um")
+    critical_gap: LengthUnit | None = optional("store the critical gaps along x and y in this unit, as um")
+    leak_rate: LeakRate | None = optional(
+        "store the leak rates along x and y: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit}"
     )
-    separation: Annotated[str, unit_name("length")] | None = Field(
-        default=None, description="store the separation d of the mean planes in this unit, as um"
-    )
-    critical_gap: Annotated[str, unit_name("length")] | None = Field(
-        default=None, description="store the critical gaps along x and y in this unit, as um"
-    )
-    leak_rate: LeakRate | None = Field(
-        default=None, description="store the leak rates along x and y: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit}"
-    )
-    gas_leak_rate: Annotated[str, unit_name("throughput")] | None = Field(
-        default=None,
-        description="store the leak rates of the gas (section fluid) in this unit, as mbar*l/s or sccm",
+    gas_leak_rate: Annotated[str, unit_name("throughput")] | None = optional(
+        "store the leak rates of the gas (section fluid) in this unit, as mbar*l/s or sccm"
     )
 
     @model_validator(mode="after")

@@ -24,7 +24,7 @@ from pydantic import (
 )
 
 from roughvol.study.plain_data import number_text, printable
-from roughvol.study.sections.strict import Strict, refuse_at
+from roughvol.study.sections.strict import Strict, optional, refuse_at
 from roughvol.study.sections.surface import SIDES, UNIT, Sized
 from roughvol.study.values.types import as_tuple, refuse, two
 from roughvol.study.values.units import HeightsUnit, In, Length, LengthUnit, unit_of
@@ -189,10 +189,10 @@ class CounterBody(Strict):
     """The second of two rough bodies, on the same lattice as the first."""
 
     file: str = Field(description=_FILE + "; heights positive out of its own body")
-    variable: Variable | None = Field(default=None, description=_VARIABLE)
-    heights_unit: HeightsUnit | None = Field(default=None, description=_HEIGHTS_UNIT + "; default: that of the first")
-    columns: Columns | None = Field(default=None, description=_COLUMNS)
-    header: Header | None = Field(default=None, description=_HEADER)
+    variable: Variable | None = optional(_VARIABLE)
+    heights_unit: HeightsUnit | None = optional(_HEIGHTS_UNIT + "; default: that of the first")
+    columns: Columns | None = optional(_COLUMNS)
+    header: Header | None = optional(_HEADER)
     mirror: Mirror = Field(
         default="none",
         description="'none': node [i, j] faces node [i, j] of the first; 'x' or 'y': first or second axis reversed, as "
@@ -212,33 +212,25 @@ class HeightFile(Sized):
         description="instead of file: a pattern as scans/*.al3d, or a list of files, each a case of its own; all of "
         "one length and unit",
     )
-    L: Length | None = Field(
-        default=None,
-        description="length of the first axis, L > 0, with its unit or in that of the heights; default: size in the "
-        "file, with which it must agree",
+    L: Length | None = optional(
+        "length of the first axis, L > 0, with its unit or in that of the heights; default: size in the "
+        "file, with which it must agree"
     )
-    variable: Variable | None = Field(default=None, description=_VARIABLE)
-    unit: LengthUnit | None = Field(
-        default=None, description=f"{UNIT}, or that of the file; heights in other units are converted"
+    variable: Variable | None = optional(_VARIABLE)
+    unit: LengthUnit | None = optional(f"{UNIT}, or that of the file; heights in other units are converted")
+    heights_unit: HeightsUnit | None = optional(_HEIGHTS_UNIT + "; default: that of L")
+    columns: Columns | None = optional(_COLUMNS)
+    header: Header | None = optional(_HEADER)
+    crop: Crop | None = optional(
+        "{x: [from, to], y: [from, to]}: part of the map to press, as shares of its sides or lengths "
+        "with a unit; L is that of the whole map"
     )
-    heights_unit: HeightsUnit | None = Field(default=None, description=_HEIGHTS_UNIT + "; default: that of L")
-    columns: Columns | None = Field(default=None, description=_COLUMNS)
-    header: Header | None = Field(default=None, description=_HEADER)
-    crop: Crop | None = Field(
-        default=None,
-        description="{x: [from, to], y: [from, to]}: part of the map to press, as shares of its sides or lengths "
-        "with a unit; L is that of the whole map",
-    )
-    outliers: Outliers | None = Field(
-        default=None,
-        description="{sigma, window}: remove single spikes; {}: 6 and 5 nodes",
-    )
+    outliers: Outliers | None = optional("{sigma, window}: remove single spikes; {}: 6 and 5 nodes")
     downsample: Annotated[int, Field(ge=1, le=1000)] = Field(
         default=1, description="side in nodes of block means, 1 to 1000; 1 keeps every node"
     )
     resample: Resampling = Field(
-        default="none",
-        description="'none', or 'square': interpolate oblong pixels onto square ones",
+        default="none", description="'none', or 'square': interpolate oblong pixels onto square ones"
     )
     level: Levelling = Field(
         default="none",
@@ -250,15 +242,13 @@ class HeightFile(Sized):
         description="missing heights: 'refuse' the file, take the 'nearest' known one, or 'interpolate' (each the mean "
         "of its neighbours)",
     )
-    low_pass: Length | None = Field(
-        default=None,
-        description="cut-off wavelength of a Gaussian low-pass filter (ISO 16610-61), with its unit or in that of L, "
-        "from twice the spacing to the shorter side; default: no filter",
+    low_pass: Length | None = optional(
+        "cut-off wavelength of a Gaussian low-pass filter (ISO 16610-61), with its unit or in that of L, "
+        "from twice the spacing to the shorter side; default: no filter"
     )
     sides: Sides = Field(default="mirrored", description=SIDES)
-    against: CounterBody | None = Field(
-        default=None,
-        description="{file, variable, mirror}: the second of two rough bodies; heights are added",
+    against: CounterBody | None = optional(
+        "{file, variable, mirror}: the second of two rough bodies; heights are added"
     )
 
     _file = field_validator("file")(_located)

@@ -22,7 +22,7 @@ from pydantic import (
 
 from roughvol.study.plain_data import KeyPath, number_text
 from roughvol.study.sections.dimensional import Dimensional, FluidPressure, LeakRate
-from roughvol.study.sections.strict import Choice, Strict
+from roughvol.study.sections.strict import Choice, Strict, optional
 from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
 from roughvol.study.values.own import OwnQuantity, own
 from roughvol.study.values.state_kinds import STATE_KINDS, Level
@@ -75,9 +75,7 @@ class Texture(Strict):
 class Psd(Strict):
     """The spectrum before load, and of the deformed surface where states are named."""
 
-    at: Selector | None = Field(
-        default=None, description=f"states under load to take it at: {IN_WORDS}; default: before load alone"
-    )
+    at: Selector | None = optional(f"states under load to take it at: {IN_WORDS}; default: before load alone")
 
     @model_serializer
     def _plain(self) -> Any:
@@ -111,33 +109,22 @@ class Transport(Choice):
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
-    percolation: States | None = Field(
-        default=None, description=f"percolation, connected and trapped volume, clusters, pockets: {_WHEN}"
+    percolation: States | None = optional(f"percolation, connected and trapped volume, clusters, pockets: {_WHEN}")
+    constriction: States | None = optional(f"critical gap and its position, x and y: {_WHEN}")
+    transmissivity: States | None = optional(f"flow of div(g^3 grad P) = 0, x and y: {_WHEN}")
+    quadrants: States | None = optional(f"flow of div(g^3 grad P) = 0 through the four quadrants, x and y: {_WHEN}")
+    diffusivity: States | None = optional(f"flow of div(g grad P) = 0, x and y: {_WHEN}")
+    cell_transmissivity: States | None = optional(
+        f"flow of div(g^3 grad P) = 0 through the endless plane of a periodic surface: {_WHEN}"
     )
-    constriction: States | None = Field(default=None, description=f"critical gap and its position, x and y: {_WHEN}")
-    transmissivity: States | None = Field(default=None, description=f"flow of div(g^3 grad P) = 0, x and y: {_WHEN}")
-    quadrants: States | None = Field(
-        default=None, description=f"flow of div(g^3 grad P) = 0 through the four quadrants, x and y: {_WHEN}"
+    gas_flow: States | None = optional(f"flow of the gas of the section fluid, x and y, also at flux_at: {_WHEN}")
+    estimates: States | None = optional(f"both coefficients by effective medium and by single junction: {_WHEN}")
+    closing: Annotated[bool | None, AfterValidator(lambda given: given or None)] = optional(
+        "load at which the last way along x and y closes on loading, solved between the steps or beyond: true or false"
     )
-    diffusivity: States | None = Field(default=None, description=f"flow of div(g grad P) = 0, x and y: {_WHEN}")
-    cell_transmissivity: States | None = Field(
-        default=None,
-        description=f"flow of div(g^3 grad P) = 0 through the endless plane of a periodic surface: {_WHEN}",
-    )
-    gas_flow: States | None = Field(
-        default=None, description=f"flow of the gas of the section fluid, x and y, also at flux_at: {_WHEN}"
-    )
-    estimates: States | None = Field(
-        default=None, description=f"both coefficients by effective medium and by single junction: {_WHEN}"
-    )
-    closing: Annotated[bool | None, AfterValidator(lambda given: given or None)] = Field(
-        default=None,
-        description="load at which the last way along x and y closes on loading, solved between the steps or beyond: "
-        "true or false",
-    )
-    flux_at: Selector | None = Field(default=None, description=f"flux of div(g^3 grad P) = 0 as fields: {IN_WORDS}")
-    accuracy: FlowAccuracy | None = Field(
-        default=None, description="allowed relative error of a flow, 1e-12 to 0.1, or as 0.1 %; default: 1e-4"
+    flux_at: Selector | None = optional(f"flux of div(g^3 grad P) = 0 as fields: {IN_WORDS}")
+    accuracy: FlowAccuracy | None = optional(
+        "allowed relative error of a flow, 1e-12 to 0.1, or as 0.1 %; default: 1e-4"
     )
 
     @model_validator(mode="after")
@@ -181,11 +168,10 @@ class RegionWidths(Strict):
     """A*, p*, V* and transmissivity inside central squares of several widths, from one solution."""
 
     shares: Many[AreaFraction] = Field(
-        default=(1.0, 0.75, 0.5, 0.25),
-        description="widths of the central squares over that of the surface, 0 to 1",
+        default=(1.0, 0.75, 0.5, 0.25), description="widths of the central squares over that of the surface, 0 to 1"
     )
     at: States = Field(default=EVERY_STEP, validate_default=True, description=f"states of A*, p* and V*: {_WHEN}")
-    transmissivity: States | None = Field(default=None, description=f"states of the transmissivity, x and y: {_WHEN}")
+    transmissivity: States | None = optional(f"states of the transmissivity, x and y: {_WHEN}")
 
 
 Own = Annotated[
@@ -204,50 +190,40 @@ class Record(Strict):
     residual_heights: bool = Field(
         default=False, description="store the heights left by plastic displacement, at the end: true or false"
     )
-    fields_at: Selector | None = Field(default=None, description=f"gap and pressure as fields: {IN_WORDS}")
-    box_counting: BoxCounting | None = Field(default=None, description="box counting; {}: defaults")
-    volume_density: VolumeDensity | None = Field(
-        default=None, description="density of the element volumes; {}: defaults"
+    fields_at: Selector | None = optional(f"gap and pressure as fields: {IN_WORDS}")
+    box_counting: BoxCounting | None = optional("box counting; {}: defaults")
+    volume_density: VolumeDensity | None = optional("density of the element volumes; {}: defaults")
+    texture: Annotated[Texture | None, Switch()] = optional(
+        "texture before load and of the deformed surface (Sa, Ssk, Sku, Sp, Sv, Sz, Svi, Sbi, material "
+        "ratio, structure function): true, false or {at: states}"
     )
-    texture: Annotated[Texture | None, Switch()] = Field(
-        default=None,
-        description="texture before load and of the deformed surface (Sa, Ssk, Sku, Sp, Sv, Sz, Svi, Sbi, material "
-        "ratio, structure function): true, false or {at: states}",
-    )
-    psd: Annotated[Psd | None, Switch()] = Field(
-        default=None,
-        description="power spectral density before load and of the deformed surface, root mean square height, slope "
-        "and curvature by scale, and Nayak's parameter: true (before load), false or {at: states}",
+    psd: Annotated[Psd | None, Switch()] = optional(
+        "power spectral density before load and of the deformed surface, root mean square height, slope "
+        "and curvature by scale, and Nayak's parameter: true (before load), false or {at: states}"
     )
     contact_perimeter: bool = Field(
         default=False,
         description="length of the edges between contact and void at every step, for the corrected contact area: true "
         "or false",
     )
-    transport: Transport | None = Field(
-        default=None,
-        description="quantities of the void, each with its states",
+    transport: Transport | None = optional("quantities of the void, each with its states")
+    fluid_pressure: FluidPressure | None = optional(
+        "contact under the pressure of a fluid in its gap: {inlet: 5 bar, at: states}"
     )
-    fluid_pressure: FluidPressure | None = Field(
-        default=None, description="contact under the pressure of a fluid in its gap: {inlet: 5 bar, at: states}"
+    region: Annotated[Region, Word("interior", INTERIOR)] | None = optional(
+        "region of all observables but heights and fields: 'interior' (the central half of each side) or "
+        "{x: [from, to], y: [from, to]}; default: the whole surface"
     )
-    region: Annotated[Region, Word("interior", INTERIOR)] | None = Field(
-        default=None,
-        description="region of all observables but heights and fields: 'interior' (the central half of each side) or "
-        "{x: [from, to], y: [from, to]}; default: the whole surface",
+    region_widths: RegionWidths | None = optional(
+        "A*, p*, V* and transmissivity of central squares of several widths; {}: defaults"
     )
-    region_widths: RegionWidths | None = Field(
-        default=None,
-        description="A*, p*, V* and transmissivity of central squares of several widths; {}: defaults",
-    )
-    dimensional: Dimensional | None = Field(
-        default=None, description="quantities stored with units too: pressure, free_volume, mean_gap, leak_rate …"
+    dimensional: Dimensional | None = optional(
+        "quantities stored with units too: pressure, free_volume, mean_gap, leak_rate …"
     )
 
-    own: Own | None = Field(
-        default=None,
-        description="{name: module:function}: functions of a solved state, stored by name at every step, or names of "
-        "entry points of the group roughvol.observables",
+    own: Own | None = optional(
+        "{name: module:function}: functions of a solved state, stored by name at every step, or names of "
+        "entry points of the group roughvol.observables"
     )
     all_legs: bool = Field(
         default=False,

@@ -35,10 +35,7 @@ class Seal(Strict):
     def patches(self, sides: tuple[float, float], unit: str | None) -> tuple[int, int]:
         """Return the number of patches in a row along the flow, and side by side, from their sides along x and y."""
         along, across = sides if self.flow == "x" else sides[::-1]
-        return (
-            max(1, round(in_unit(self.width, unit) / along)),
-            max(1, round(in_unit(self.length, unit) / across)),
-        )
+        return max(1, round(in_unit(self.width, unit) / along)), max(1, round(in_unit(self.length, unit) / across))
 
     def squares(self, unit: str | None) -> float:
         """Return the length over the width; lengths without a unit are in this unit."""

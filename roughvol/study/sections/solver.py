@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, model_validator
 
 from roughvol.study.plain_data import number_text
-from roughvol.study.sections.strict import Choice, Strict
+from roughvol.study.sections.strict import Choice, Strict, optional
 from roughvol.study.values.types import refuse
 
 ACCURACY = {"draft": 1e-3, "standard": 1e-6, "reference": 1e-9}
@@ -22,16 +22,17 @@ LOOSEST = 1e-2  # residual η/σ; a sweep with a looser one costs more, since it
 PAPER_MAX_M = 6  # the paper's algorithm has a dense matrix of 4^m rows
 
 
+Tolerance = Annotated[float, Field(ge=1e-12, le=1e-1)]
+
+
 class MaxError(Choice):
     """Largest allowed errors of any state. The solver ends each state as soon as they are certified."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
-    free_volume: Annotated[float, Field(ge=1e-12, le=1e-1)] | None = Field(
-        default=None, description="largest error of V* at any state, 1e-12 to 1e-1"
-    )
-    mean_pressure: Annotated[float, Field(ge=1e-9, le=1e-1)] | None = Field(
-        default=None, description="largest relative error of p* at any state, 1e-9 to 1e-1"
+    free_volume: Tolerance | None = optional("largest error of V* at any state, 1e-12 to 1e-1")
+    mean_pressure: Annotated[float, Field(ge=1e-9, le=1e-1)] | None = optional(
+        "largest relative error of p* at any state, 1e-9 to 1e-1"
     )
 
     @model_validator(mode="after")
@@ -72,11 +73,9 @@ class Solver(Strict):
         default="standard",
         description=f"bound on the residual η/σ: {', '.join(f'{k} {v:g}' for k, v in ACCURACY.items())}",
     )
-    rtol: Annotated[float, Field(ge=1e-12, le=1e-1)] | None = Field(
-        default=None, description="bound on the residual η/σ, 1e-12 to 1e-1; overrides accuracy"
-    )
-    max_error: MaxError | None = Field(
-        default=None, description="{free_volume, mean_pressure}: largest errors allowed; instead of accuracy and rtol"
+    rtol: Tolerance | None = optional("bound on the residual η/σ, 1e-12 to 1e-1; overrides accuracy")
+    max_error: MaxError | None = optional(
+        "{free_volume, mean_pressure}: largest errors allowed; instead of accuracy and rtol"
     )
     kernel: Literal[FreeKernel, PeriodicKernel] = Field(
         default="love",

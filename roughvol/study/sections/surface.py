@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_serializer, model_validator
 
 from roughvol.study.sections.ensemble import AUTO_FROM, AUTO_TO
-from roughvol.study.sections.strict import Strict, nearest
+from roughvol.study.sections.strict import Strict, nearest, optional
 from roughvol.study.values.types import Auto, Dimension, Many, Positive, Refinement, Seed, Whole, refuse, whole
 from roughvol.study.values.units import Length, LengthUnit, unit_of
 from roughvol.surfaces.length_units import factor
@@ -119,10 +119,9 @@ class GeneratedSurface(Sized):
         default="std", description="quantity divided by 2^((3-D)/2) in each half step: 'std' or 'variance'"
     )
     sides: Sides = Field(default="free", description=SIDES)
-    unit: LengthUnit | None = Field(default=None, description=UNIT)
-    Sq: Length | None = Field(
-        default=None,
-        description="root mean square of the stored heights, > 0, with its unit or in that of L; default: not scaled",
+    unit: LengthUnit | None = optional(UNIT)
+    Sq: Length | None = optional(
+        "root mean square of the stored heights, > 0, with its unit or in that of L; default: not scaled"
     )
 
     @property
@@ -154,21 +153,16 @@ class SpectralSurface(Sized):
     rolloff: Annotated[float, Field(ge=1)] = Field(
         default=1.0, description="L over the roll-off wavelength λ_r, >= 1; 1: a power law up to L"
     )
-    cut: Annotated[float, Field(gt=1)] | None = Field(
-        default=None,
-        description="L over the short cut-off wavelength λ_s, > rolloff, at most half the largest n; "
-        "default: half the largest n",
+    cut: Annotated[float, Field(gt=1)] | None = optional(
+        "L over the short cut-off wavelength λ_s, > rolloff, at most half the largest n; default: half the largest n"
     )
-    shortest: Length | None = Field(
-        default=None, description="λ_s instead of cut: a share of L as 0.01, or a length with its unit as 1 um"
+    shortest: Length | None = optional("λ_s instead of cut: a share of L as 0.01, or a length with its unit as 1 um")
+    Sq: Length | None = optional(
+        "root mean square height of the period, > 0, with its unit or in that of L; default: 1"
     )
-    Sq: Length | None = Field(
-        default=None,
-        description="root mean square height of the period, > 0, with its unit or in that of L; default: 1",
-    )
-    slope: Positive | None = Field(default=None, description="root mean square slope of the period instead of Sq, > 0")
-    Ssk: Annotated[float, Field(ge=-STEEPEST, le=STEEPEST)] | None = Field(
-        default=None, description=f"skewness of the heights, -{STEEPEST:g} to {STEEPEST:g}; default: Gaussian heights"
+    slope: Positive | None = optional("root mean square slope of the period instead of Sq, > 0")
+    Ssk: Annotated[float, Field(ge=-STEEPEST, le=STEEPEST)] | None = optional(
+        f"skewness of the heights, -{STEEPEST:g} to {STEEPEST:g}; default: Gaussian heights"
     )
     anisotropy: Annotated[float, Field(ge=1)] = Field(
         default=1.0, description="wavelengths along x over those along y, >= 1 and < cut"
@@ -179,7 +173,7 @@ class SpectralSurface(Sized):
     )
     L: Length = Field(default=100.0, description="length of the period, L > 0, as 100 or 100 um")
     seeds: Seeds = Field(default=10)  # type: ignore[arg-type]  # a number, see `_counted`
-    unit: LengthUnit | None = Field(default=None, description=UNIT)
+    unit: LengthUnit | None = optional(UNIT)
     sides: Sides = Field(default="free", description=SIDES)
 
     @model_serializer(mode="wrap")
