@@ -150,8 +150,8 @@ class SpectralSurface(Sized):
         description=f"nodes per side of the period, a power of two, {FEWEST} to {MOST}; n + 1 with the repeated edge "
         "of free and mirrored surfaces; a number or a list; 'auto' for an ensemble, with cut or shortest"
     )
-    rolloff: Annotated[float, Field(ge=1)] = Field(
-        default=1.0, description="L over the roll-off wavelength λ_r, >= 1; 1: a power law up to L"
+    rolloff: float = Field(
+        default=1.0, ge=1, description="L over the roll-off wavelength λ_r, >= 1; 1: a power law up to L"
     )
     cut: Annotated[float, Field(gt=1)] | None = optional(
         "L over the short cut-off wavelength λ_s, > rolloff, at most half the largest n; default: half the largest n"
@@ -164,9 +164,7 @@ class SpectralSurface(Sized):
     Ssk: Annotated[float, Field(ge=-STEEPEST, le=STEEPEST)] | None = optional(
         f"skewness of the heights, -{STEEPEST:g} to {STEEPEST:g}; default: Gaussian heights"
     )
-    anisotropy: Annotated[float, Field(ge=1)] = Field(
-        default=1.0, description="wavelengths along x over those along y, >= 1 and < cut"
-    )
+    anisotropy: float = Field(default=1.0, ge=1, description="wavelengths along x over those along y, >= 1 and < cut")
     phases: Literal["gaussian", "random"] = Field(
         default="gaussian",
         description="'gaussian': random amplitudes and phases; 'random': amplitudes as the spectrum, random phases",
