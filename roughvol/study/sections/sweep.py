@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import (
     BeforeValidator,
@@ -27,6 +27,8 @@ from roughvol.study.values.state_kinds import LISTS, OF_ALL, STATE_KINDS, Level,
 from roughvol.study.values.types import AreaFraction, Many, Positive, StepNumber, Whole, Word, as_tuple, refuse
 from roughvol.study.values.units import Flow, Gap, In, Length, Load, Position, Pressure, convert, text_of, unit_of
 
+T = TypeVar("T")
+
 
 def levels_of(quantity: str) -> Any:
     """Return the field of the levels of a quantity."""
@@ -35,8 +37,6 @@ def levels_of(quantity: str) -> Any:
 
 class Levels(Choice):
     """The last state, or levels of one or more quantities."""
-
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
     @model_serializer
     def _plain(self) -> Any:
@@ -120,6 +120,17 @@ def _tag_to(value: Any) -> str:
     return "<state>" if isinstance(value, dict | Target) or value == "percolation" else "<plane>"
 
 
+End = Annotated[
+    Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
+    | Annotated[T, Word("percolation", (("percolation", "both"),)), Tag("<state>")],
+    Discriminator(_tag_to),
+]
+_TARGETS = (
+    "{percolation: x|y|both}, {indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, {free_volume: x}, "
+    "{mean_gap: 1 um}, {load: 20 N}, {leak_rate: 1e-3 mm^3/s}"
+)
+
+
 def _spelled(data: Any) -> Any:
     """Return the data of a sweep with the number of steps and the last state that follow from its list."""
     given = [name for name in LISTS if data.get(name)] if isinstance(data, dict) else []
@@ -161,15 +172,9 @@ class Sweep(Strict):
         default=60,
         description="number of equal steps of indentation, 0 to 10000; 0: no contact; 20 in an ensemble without steps",
     )
-    to: Annotated[
-        Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
-        | Annotated[Target, Word("percolation", (("percolation", "both"),)), Tag("<state>")],
-        Discriminator(_tag_to),
-    ] = Field(
+    to: End[Target] = Field(
         default="mean-plane",
-        description="last state: mean-plane, summit-plane, percolation (no open way left), or one of "
-        "{percolation: x|y|both}, {indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, "
-        "{free_volume: x}, {mean_gap: 1 um}, {load: 20 N}, {leak_rate: 1e-3 mm^3/s}",
+        description=f"last state: mean-plane, summit-plane, percolation (no open way left), or one of {_TARGETS}",
     )
     equal: Literal["indentation", "pressure", "log pressure"] = Field(
         default="indentation",
@@ -286,15 +291,9 @@ class Leg(Sweep):
     steps: Annotated[Whole, Field(ge=1, le=10_000)] = Field(
         default=60, description="number of equal steps of indentation on this leg, 1 to 10000"
     )
-    to: Annotated[
-        Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
-        | Annotated[LegTarget, Word("percolation", (("percolation", "both"),)), Tag("<state>")],
-        Discriminator(_tag_to),
-    ] = Field(
+    to: End[LegTarget] = Field(
         default="mean-plane",
-        description="last state of the leg: mean-plane, summit-plane, percolation, or one of {percolation: x|y|both}, "
-        "{indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, {free_volume: x}, {mean_gap: 1 um}, "
-        "{load: 20 N}, {leak_rate: 1e-3 mm^3/s}",
+        description=f"last state of the leg: mean-plane, summit-plane, percolation, or one of {_TARGETS}",
     )
     pressures: Many[Annotated[Fallen, In("pressure")]] = _listed("p* >= 0 or pressures as 0.1 MPa")
     indentations: Many[Annotated[Fallen, In("length")]] = _listed("Δ/σ >= 0 or lengths")
