@@ -132,7 +132,7 @@ def _mean(quantity: str) -> Any:
 class Accuracies(Choice):
     """The quantities to average, each with the accuracy of its mean; other names are those of ``record.own``."""
 
-    model_config = ConfigDict(extra="allow", json_schema_extra={"minProperties": 1})
+    model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, HalfWidth]
 
     free_volume: HalfWidth | None = _mean("V*")

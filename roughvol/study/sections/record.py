@@ -9,7 +9,6 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     BeforeValidator,
-    ConfigDict,
     Discriminator,
     Field,
     PlainSerializer,
@@ -106,8 +105,6 @@ _WHEN = f"'{EVERY_STEP}', {IN_WORDS}"
 
 class Transport(Choice):
     """Quantities of the void between the surfaces, each with its states."""
-
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
     percolation: States | None = optional(f"percolation, connected and trapped volume, clusters, pockets: {_WHEN}")
     constriction: States | None = optional(f"critical gap and its position, x and y: {_WHEN}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from roughvol.study.plain_data import number_text
 from roughvol.study.sections.strict import Choice, Strict, optional
@@ -27,8 +27,6 @@ Tolerance = Annotated[float, Field(ge=1e-12, le=1e-1)]
 
 class MaxError(Choice):
     """Largest allowed errors of any state. The solver ends each state as soon as they are certified."""
-
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
     free_volume: Tolerance | None = optional("largest error of V* at any state, 1e-12 to 1e-1")
     mean_pressure: Annotated[float, Field(ge=1e-9, le=1e-1)] | None = optional(

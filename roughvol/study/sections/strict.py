@@ -56,6 +56,8 @@ class Strict(BaseModel):
 class Choice(Strict):
     """A mapping with optional keys."""
 
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+
     @property
     def named(self) -> dict[str, Any]:
         """Given keys and their values."""
