@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from roughvol.study.sections.strict import Choice, Strict, optional
 from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
 from roughvol.study.values.types import Positive, refuse
-from roughvol.study.values.units import In, LengthUnit, convert, in_unit, unit_name, unit_of
+from roughvol.study.values.units import In, LengthUnit, Viscosity, convert, in_unit, unit_name, unit_of
 
 
 class LeakRate(Strict):
@@ -18,9 +18,7 @@ class LeakRate(Strict):
     pressure_drop: Annotated[Positive, In("pressure", needed=True)] = Field(
         description="pressure difference between two sides of the region, > 0, with its unit as 1 bar"
     )
-    viscosity: Annotated[Positive, In("viscosity", needed=True)] = Field(
-        description="dynamic viscosity, > 0, with its unit as 1 mPa*s"
-    )
+    viscosity: Viscosity = Field(description="dynamic viscosity, > 0, with its unit as 1 mPa*s")
     unit: Annotated[str, unit_name("flow")] = Field(default="mm^3/s", description="unit of the leak rate, as mm^3/s")
 
     @property
@@ -36,8 +34,6 @@ class LeakRate(Strict):
 
 class Dimensional(Choice):
     """Quantities stored with a unit beside the starred value. They need no further solution."""
-
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
     pressure: Annotated[str, unit_name("pressure")] | None = optional(
         "store the nominal contact pressure p* E* Sq/L in this unit, as MPa"

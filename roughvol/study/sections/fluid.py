@@ -17,7 +17,7 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 from roughvol.study.plain_data import number_text
 from roughvol.study.sections.strict import Strict
 from roughvol.study.values.types import Positive, refuse
-from roughvol.study.values.units import In, convert, counts_substance, in_unit
+from roughvol.study.values.units import In, Viscosity, convert, counts_substance, in_unit
 from roughvol.surfaces.length_units import METRES
 
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact since 2019
@@ -53,7 +53,7 @@ LAWS = Literal["kinetic", "slip", "viscous"]
 class OwnGas(Strict):
     """A gas by viscosity and molar mass."""
 
-    viscosity: Annotated[Positive, In("viscosity", needed=True)] = Field(
+    viscosity: Viscosity = Field(
         description="dynamic viscosity at the temperature of the study, > 0, with its unit as 18 uPa*s"
     )
     molar_mass: Annotated[Positive, In("molar mass", needed=True)] = Field(
