@@ -25,7 +25,7 @@ from roughvol.study.sections.strict import Choice, Strict, optional
 from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
 from roughvol.study.values.own import OwnQuantity, own
 from roughvol.study.values.state_kinds import STATE_KINDS, Level
-from roughvol.study.values.types import AreaFraction, Fraction, Many, Switch, Whole, Word, refuse, two
+from roughvol.study.values.types import WHOLE, AreaFraction, Fraction, Many, Switch, Word, refuse, two
 from roughvol.study.values.units import unit_of
 
 
@@ -60,7 +60,7 @@ class BoxCounting(Strict):
 class VolumeDensity(Strict):
     """The density f(v) of the free volume per element."""
 
-    bins: Annotated[Whole, Field(ge=1, le=10_000)] = Field(default=50, description="number of bins, 1 to 10000")
+    bins: Annotated[int, Field(ge=1, le=10_000), WHOLE] = Field(default=50, description="number of bins, 1 to 10000")
     at: Selector = Field(default=Select(), description=f"states: {IN_WORDS}")
     include_contact: bool = Field(default=False, description="include elements in contact (v = 0): true or false")
 

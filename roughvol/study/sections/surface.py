@@ -12,7 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, mod
 
 from roughvol.study.sections.ensemble import AUTO_FROM, AUTO_TO
 from roughvol.study.sections.strict import Strict, nearest, optional
-from roughvol.study.values.types import Auto, Dimension, Many, Positive, Refinement, Seed, Whole, refuse, whole
+from roughvol.study.values.types import WHOLE, Auto, Dimension, Many, Positive, Refinement, Seed, refuse, whole
 from roughvol.study.values.units import Length, LengthUnit, unit_of
 from roughvol.surfaces.length_units import factor
 from roughvol.surfaces.spectrum import Spectrum
@@ -55,7 +55,7 @@ def _power_of_two(value: int) -> int:
 
 
 Hurst = Annotated[float, Field(gt=0, lt=1)]
-Nodes = Annotated[Whole, Field(ge=FEWEST, le=MOST), AfterValidator(_power_of_two)]
+Nodes = Annotated[int, Field(ge=FEWEST, le=MOST), WHOLE, AfterValidator(_power_of_two)]
 
 
 Seeds = Annotated[

@@ -24,7 +24,7 @@ from pydantic import (
 from roughvol.study.plain_data import KeyPath
 from roughvol.study.sections.strict import Choice, Strict, optional, refuse_at
 from roughvol.study.values.state_kinds import LISTS, OF_ALL, STATE_KINDS, Level, Starred
-from roughvol.study.values.types import AreaFraction, Many, Positive, StepNumber, Whole, Word, as_tuple, refuse
+from roughvol.study.values.types import WHOLE, AreaFraction, Many, Positive, StepNumber, Word, as_tuple, refuse
 from roughvol.study.values.units import Flow, Gap, In, Length, Load, Position, Pressure, convert, text_of, unit_of
 
 T = TypeVar("T")
@@ -168,7 +168,7 @@ def _misplaced(levels: Sequence[Any], *, either: bool) -> tuple[int | None, str]
 class Sweep(Strict):
     """Number of equal steps of indentation, and the last state."""
 
-    steps: Annotated[Whole, Field(ge=0, le=10_000)] = Field(
+    steps: Annotated[int, Field(ge=0, le=10_000), WHOLE] = Field(
         default=60,
         description="number of equal steps of indentation, 0 to 10000; 0: no contact; 20 in an ensemble without steps",
     )
@@ -288,7 +288,7 @@ class LegTarget(Target):
 class Leg(Sweep):
     """A leg of a path: number of equal steps of indentation from the end of the leg before, and the last state."""
 
-    steps: Annotated[Whole, Field(ge=1, le=10_000)] = Field(
+    steps: Annotated[int, Field(ge=1, le=10_000), WHOLE] = Field(
         default=60, description="number of equal steps of indentation on this leg, 1 to 10000"
     )
     to: End[LegTarget] = Field(
