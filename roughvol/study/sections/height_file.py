@@ -15,9 +15,9 @@ from pydantic import (
     AfterValidator,
     BeforeValidator,
     Field,
+    PlainSerializer,
     SerializationInfo,
     ValidationInfo,
-    field_serializer,
     field_validator,
     model_serializer,
     model_validator,
@@ -130,6 +130,10 @@ def _path_text(value: str, info: SerializationInfo) -> str:
     return value.portable if stored and isinstance(value, Located) else str(value)
 
 
+WrittenPath = Annotated[str, PlainSerializer(_path_text)]
+HeightPath = Annotated[WrittenPath, AfterValidator(_located)]
+
+
 def _number(value: Any) -> Any:
     """Return the number of a channel as text, other values unchanged."""
     return str(value) if isinstance(value, int) and not isinstance(value, bool) and value >= 0 else value
@@ -188,7 +192,7 @@ class Outliers(Strict):
 class CounterBody(Strict):
     """The second of two rough bodies, on the same lattice as the first."""
 
-    file: str = Field(description=_FILE + "; heights positive out of its own body")
+    file: HeightPath = Field(description=_FILE + "; heights positive out of its own body")
     variable: Variable | None = optional(_VARIABLE)
     heights_unit: HeightsUnit | None = optional(_HEIGHTS_UNIT + "; default: that of the first")
     columns: Columns | None = optional(_COLUMNS)
@@ -199,15 +203,12 @@ class CounterBody(Strict):
         "for two scans from above, one body turned over",
     )
 
-    _file = field_validator("file")(_located)
-    _text = field_serializer("file")(_path_text)
-
 
 class HeightFile(Sized):
     """A surface from a height file, or the sum of two that face each other."""
 
-    file: str = Field(description=_FILE)
-    files: Annotated[tuple[str, ...], BeforeValidator(as_tuple)] = Field(
+    file: HeightPath = Field(description=_FILE)
+    files: Annotated[tuple[WrittenPath, ...], BeforeValidator(as_tuple)] = Field(
         default=(),
         description="instead of file: a pattern as scans/*.al3d, or a list of files, each a case of its own; all of "
         "one length and unit",
@@ -251,9 +252,6 @@ class HeightFile(Sized):
         "{file, variable, mirror}: the second of two rough bodies; heights are added"
     )
 
-    _file = field_validator("file")(_located)
-    _text = field_serializer("file")(_path_text)
-
     @model_validator(mode="before")
     @classmethod
     def _found(cls, data: Any, info: ValidationInfo) -> Any:
@@ -273,10 +271,6 @@ class HeightFile(Sized):
         if twice := sorted({name for name in names if names.count(name) > 1}):
             refuse("two files have one name, and cases are labelled by it: {names}", names=", ".join(twice))
         return found
-
-    @field_serializer("files")
-    def _texts(self, value: tuple[str, ...], info: SerializationInfo) -> list[str]:
-        return [_path_text(file, info) for file in value]
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> Any:
