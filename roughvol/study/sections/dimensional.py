@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from roughvol.study.sections.strict import Choice, Strict, optional
+from roughvol.study.sections.strict import Choice, Strict, default, optional
 from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
 from roughvol.study.values.types import Positive, refuse
 from roughvol.study.values.units import In, LengthUnit, Viscosity, convert, in_unit, unit_name, unit_of
@@ -19,7 +19,7 @@ class LeakRate(Strict):
         description="pressure difference between two sides of the region, > 0, with its unit as 1 bar"
     )
     viscosity: Viscosity = Field(description="dynamic viscosity, > 0, with its unit as 1 mPa*s")
-    unit: Annotated[str, unit_name("flow")] = Field(default="mm^3/s", description="unit of the leak rate, as mm^3/s")
+    unit: Annotated[str, unit_name("flow")] = default("mm^3/s", "unit of the leak rate, as mm^3/s")
 
     @property
     def drive(self) -> float:
@@ -64,16 +64,15 @@ class FluidPressure(Strict):
     inlet: Annotated[Positive, In("pressure")] = Field(
         description="fluid pressure at the inlet, > 0, over that around: in the unit of p*, or as 5 bar"
     )
-    outlet: Annotated[float, Field(ge=0), In("pressure")] = Field(
-        default=0.0, description="fluid pressure at the outlet, 0 <= outlet < inlet: in the unit of p*, or as 1 bar"
+    outlet: Annotated[float, Field(ge=0), In("pressure")] = default(
+        0.0, "fluid pressure at the outlet, 0 <= outlet < inlet: in the unit of p*, or as 1 bar"
     )
-    coupling: Literal["one-way", "full"] = Field(
-        default="full",
-        description="'one-way': the fluid pressure of the dry gap changes the gap once; 'full': until gap and fluid "
-        "pressure agree",
+    coupling: Literal["one-way", "full"] = default(
+        "full",
+        "'one-way': the fluid pressure of the dry gap changes the gap once; 'full': until gap and fluid pressure agree",
     )
-    at: Selector = Field(default=Select(), description=f"states, each at its load: {IN_WORDS}")
-    fields: bool = Field(default=False, description="store the lifted gaps, fluid_gap: true or false")
+    at: Selector = default(Select(), f"states, each at its load: {IN_WORDS}")
+    fields: bool = default(False, "store the lifted gaps, fluid_gap: true or false")
 
     @model_validator(mode="after")
     def _falls(self) -> FluidPressure:

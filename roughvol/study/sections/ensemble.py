@@ -17,7 +17,7 @@ from pydantic import (
 )
 
 from roughvol.study.plain_data import number_text
-from roughvol.study.sections.strict import Choice, optional, refuse_at
+from roughvol.study.sections.strict import Choice, default, optional, refuse_at
 from roughvol.study.sections.sweep import Levels, levels_of
 from roughvol.study.values.state_kinds import LISTS, STARRED
 from roughvol.study.values.types import AreaFraction, Many, Positive, Seed, Word, refuse
@@ -192,12 +192,11 @@ class Ensemble(Choice):
     accuracy: Accuracies = Field(
         description="{free_volume: 1 %}: each quantity, or name of record.own, with the half-width of its 95 % interval"
     )
-    at: Annotated[States, Word("last")] = Field(
-        default=States(),
-        description="'last', or levels of pressure, separation, contact_area, indentation at which the means are taken",
+    at: Annotated[States, Word("last")] = default(
+        States(), "'last', or levels of pressure, separation, contact_area, indentation at which the means are taken"
     )
     budget: Time | None = optional("time after which no further samples begin, as 10 min")
-    first_seed: Seed = Field(default=0, description="first seed; another one gives an independent answer")
+    first_seed: Seed = default(0, "first seed; another one gives an independent answer")
 
     @model_serializer
     def _plain(self) -> Any:

@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from roughvol.study.plain_data import number_text
-from roughvol.study.sections.strict import Strict
+from roughvol.study.sections.strict import Strict, default
 from roughvol.study.values.types import Positive, refuse
 from roughvol.study.values.units import In, Viscosity, convert, counts_substance, in_unit
 from roughvol.surfaces.length_units import METRES
@@ -100,9 +100,9 @@ class Fluid(Strict):
     temperature: Annotated[float, In("temperature", needed=True), AfterValidator(_above_zero)] = Field(
         default="293.15 K", validate_default=True, description="temperature of the gas, > 0 K, as 293 K or 20 degC"
     )
-    law: LAWS = Field(
-        default="kinetic",
-        description="conductance of an element: 'kinetic' (all Knudsen numbers, Fukui & Kaneko 1990), 'slip' "
+    law: LAWS = default(
+        "kinetic",
+        "conductance of an element: 'kinetic' (all Knudsen numbers, Fukui & Kaneko 1990), 'slip' "
         "(g^3 + 6 lambda g^2) or 'viscous' (g^3)",
     )
 

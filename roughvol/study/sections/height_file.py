@@ -24,7 +24,7 @@ from pydantic import (
 )
 
 from roughvol.study.plain_data import number_text, printable
-from roughvol.study.sections.strict import Strict, optional, refuse_at
+from roughvol.study.sections.strict import Strict, default, optional, refuse_at
 from roughvol.study.sections.surface import SIDES, UNIT, Sized
 from roughvol.study.values.types import as_tuple, refuse, two
 from roughvol.study.values.units import HeightsUnit, In, Length, LengthUnit, unit_of
@@ -168,24 +168,22 @@ Part = Annotated[tuple[Position, Position], two("positions"), AfterValidator(_al
 class Crop(Strict):
     """A rectangle of a measured map, as shares of its sides or lengths with a unit."""
 
-    x: Part = Field(
-        default=(0.0, 1.0),
-        description="[from, to] along the first axis: shares 0 <= from < to <= 1, or lengths as [10 um, 30 um]",
+    x: Part = default(
+        (0.0, 1.0), "[from, to] along the first axis: shares 0 <= from < to <= 1, or lengths as [10 um, 30 um]"
     )
-    y: Part = Field(
-        default=(0.0, 1.0),
-        description="[from, to] along the second axis: shares 0 <= from < to <= 1, or lengths as [10 um, 30 um]",
+    y: Part = default(
+        (0.0, 1.0), "[from, to] along the second axis: shares 0 <= from < to <= 1, or lengths as [10 um, 30 um]"
     )
 
 
 class Outliers(Strict):
     """Single heights far from the median of their neighbourhood."""
 
-    sigma: Annotated[float, Field(ge=3, le=1000)] = Field(
-        default=6.0, description="distance from the local median in robust standard deviations of the map, 3 to 1000"
+    sigma: Annotated[float, Field(ge=3, le=1000)] = default(
+        6.0, "distance from the local median in robust standard deviations of the map, 3 to 1000"
     )
-    window: Annotated[int, Field(ge=3, le=101), AfterValidator(_odd)] = Field(
-        default=5, description="nodes a side of the neighbourhood, odd, 3 to 101"
+    window: Annotated[int, Field(ge=3, le=101), AfterValidator(_odd)] = default(
+        5, "nodes a side of the neighbourhood, odd, 3 to 101"
     )
 
 
@@ -197,9 +195,9 @@ class CounterBody(Strict):
     heights_unit: HeightsUnit | None = optional(_HEIGHTS_UNIT + "; default: that of the first")
     columns: Columns | None = optional(_COLUMNS)
     header: Header | None = optional(_HEADER)
-    mirror: Mirror = Field(
-        default="none",
-        description="'none': node [i, j] faces node [i, j] of the first; 'x' or 'y': first or second axis reversed, as "
+    mirror: Mirror = default(
+        "none",
+        "'none': node [i, j] faces node [i, j] of the first; 'x' or 'y': first or second axis reversed, as "
         "for two scans from above, one body turned over",
     )
 
@@ -208,9 +206,9 @@ class HeightFile(Sized):
     """A surface from a height file, or the sum of two that face each other."""
 
     file: HeightPath = Field(description=_FILE)
-    files: Annotated[tuple[WrittenPath, ...], BeforeValidator(as_tuple)] = Field(
-        default=(),
-        description="instead of file: a pattern as scans/*.al3d, or a list of files, each a case of its own; all of "
+    files: Annotated[tuple[WrittenPath, ...], BeforeValidator(as_tuple)] = default(
+        (),
+        "instead of file: a pattern as scans/*.al3d, or a list of files, each a case of its own; all of "
         "one length and unit",
     )
     L: Length | None = optional(
@@ -227,27 +225,23 @@ class HeightFile(Sized):
         "with a unit; L is that of the whole map"
     )
     outliers: Outliers | None = optional("{sigma, window}: remove single spikes; {}: 6 and 5 nodes")
-    downsample: Annotated[int, Field(ge=1, le=1000)] = Field(
-        default=1, description="side in nodes of block means, 1 to 1000; 1 keeps every node"
+    downsample: Annotated[int, Field(ge=1, le=1000)] = default(
+        1, "side in nodes of block means, 1 to 1000; 1 keeps every node"
     )
-    resample: Resampling = Field(
-        default="none", description="'none', or 'square': interpolate oblong pixels onto square ones"
+    resample: Resampling = default("none", "'none', or 'square': interpolate oblong pixels onto square ones")
+    level: Levelling = default(
+        "none", "least-squares surface subtracted from the known heights: 'none', 'mean', plane ('tilt') or 'quadratic'"
     )
-    level: Levelling = Field(
-        default="none",
-        description="least-squares surface subtracted from the known heights: 'none', 'mean', plane ('tilt') or "
-        "'quadratic'",
-    )
-    missing: Missing = Field(
-        default="refuse",
-        description="missing heights: 'refuse' the file, take the 'nearest' known one, or 'interpolate' (each the mean "
+    missing: Missing = default(
+        "refuse",
+        "missing heights: 'refuse' the file, take the 'nearest' known one, or 'interpolate' (each the mean "
         "of its neighbours)",
     )
     low_pass: Length | None = optional(
         "cut-off wavelength of a Gaussian low-pass filter (ISO 16610-61), with its unit or in that of L, "
         "from twice the spacing to the shorter side; default: no filter"
     )
-    sides: Sides = Field(default="mirrored", description=SIDES)
+    sides: Sides = default("mirrored", SIDES)
     against: CounterBody | None = optional(
         "{file, variable, mirror}: the second of two rough bodies; heights are added"
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field, model_validator
 
 from roughvol.study.sections.solver import NamedKernel
-from roughvol.study.sections.strict import Strict, optional
+from roughvol.study.sections.strict import Strict, default, optional
 from roughvol.study.values.types import refuse
 from roughvol.study.values.units import Conductivity, Length, Pressure, in_unit, unit_of
 
@@ -52,9 +52,9 @@ class Material(Strict):
 class ContactModulus(Material):
     """The material by its contact modulus E*; starred results of elastic contact do not depend on it."""
 
-    E_star: Pressure = Field(default=1.0, description="contact modulus E/(1-nu^2), > 0, as 1 or 100 GPa")
+    E_star: Pressure = default(1.0, "contact modulus E/(1-nu^2), > 0, as 1 or 100 GPa")
     hardness: Pressure | None = optional(_HARDNESS)
-    plastic: bool = Field(default=True, description=_PLASTIC)
+    plastic: bool = default(True, _PLASTIC)
     conductivity: Conductivities | None = optional(_CONDUCTIVITY)
 
     @property
@@ -87,7 +87,7 @@ class YoungPoisson(Material):
         "thickness of an elastic layer bonded to a rigid base, > 0, as 50 um; default: a half space"
     )
     hardness: Pressure | None = optional(_HARDNESS)
-    plastic: bool = Field(default=True, description=_PLASTIC)
+    plastic: bool = default(True, _PLASTIC)
     conductivity: Conductivities | None = optional(_CONDUCTIVITY)
 
     @property

@@ -21,7 +21,7 @@ from pydantic import (
 
 from roughvol.study.plain_data import KeyPath, number_text
 from roughvol.study.sections.dimensional import Dimensional, FluidPressure, LeakRate
-from roughvol.study.sections.strict import Choice, Strict, optional
+from roughvol.study.sections.strict import Choice, Strict, default, optional
 from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
 from roughvol.study.values.own import OwnQuantity, own
 from roughvol.study.values.state_kinds import STATE_KINDS, Level
@@ -51,24 +51,24 @@ FlowAccuracy = Annotated[
 class BoxCounting(Strict):
     """Box counting of the domains v <= threshold × max(v)."""
 
-    at: Selector = Field(default=Select(), description=f"states: {IN_WORDS}")
-    thresholds: Many[Fraction] = Field(
-        default=(0.0, 0.1, 0.25, 0.5, 1.0), description="fractions of the largest element volume, 0 to 1; a list"
+    at: Selector = default(Select(), f"states: {IN_WORDS}")
+    thresholds: Many[Fraction] = default(
+        (0.0, 0.1, 0.25, 0.5, 1.0), "fractions of the largest element volume, 0 to 1; a list"
     )
 
 
 class VolumeDensity(Strict):
     """The density f(v) of the free volume per element."""
 
-    bins: Annotated[int, Field(ge=1, le=10_000), WHOLE] = Field(default=50, description="number of bins, 1 to 10000")
-    at: Selector = Field(default=Select(), description=f"states: {IN_WORDS}")
-    include_contact: bool = Field(default=False, description="include elements in contact (v = 0): true or false")
+    bins: Annotated[int, Field(ge=1, le=10_000), WHOLE] = default(50, "number of bins, 1 to 10000")
+    at: Selector = default(Select(), f"states: {IN_WORDS}")
+    include_contact: bool = default(False, "include elements in contact (v = 0): true or false")
 
 
 class Texture(Strict):
     """The texture before load, and of the deformed surface under load."""
 
-    at: Selector = Field(default=Select(), description=f"the states under load to take it at: {IN_WORDS}")
+    at: Selector = default(Select(), f"the states under load to take it at: {IN_WORDS}")
 
 
 class Psd(Strict):
@@ -144,12 +144,8 @@ Span = Annotated[tuple[Fraction, Fraction], two("numbers"), AfterValidator(_risi
 class Region(Strict):
     """A rectangle of the surface, as shares of its sides."""
 
-    x: Span = Field(
-        default=(0.0, 1.0), description="[from, to] along the first axis over its length, 0 <= from < to <= 1"
-    )
-    y: Span = Field(
-        default=(0.0, 1.0), description="[from, to] along the second axis over its length, 0 <= from < to <= 1"
-    )
+    x: Span = default((0.0, 1.0), "[from, to] along the first axis over its length, 0 <= from < to <= 1")
+    y: Span = default((0.0, 1.0), "[from, to] along the second axis over its length, 0 <= from < to <= 1")
 
     @property
     def label(self) -> str:
@@ -164,8 +160,8 @@ class Region(Strict):
 class RegionWidths(Strict):
     """A*, p*, V* and transmissivity inside central squares of several widths, from one solution."""
 
-    shares: Many[AreaFraction] = Field(
-        default=(1.0, 0.75, 0.5, 0.25), description="widths of the central squares over that of the surface, 0 to 1"
+    shares: Many[AreaFraction] = default(
+        (1.0, 0.75, 0.5, 0.25), "widths of the central squares over that of the surface, 0 to 1"
     )
     at: States = Field(default=EVERY_STEP, validate_default=True, description=f"states of A*, p* and V*: {_WHEN}")
     transmissivity: States | None = optional(f"states of the transmissivity, x and y: {_WHEN}")
@@ -183,10 +179,8 @@ INTERIOR = (("x", (0.25, 0.75)), ("y", (0.25, 0.75)))  # the central half of eac
 class Record(Strict):
     """Quantities stored beside the numbers of every step."""
 
-    heights: bool = Field(default=False, description="store the heights: true or false")
-    residual_heights: bool = Field(
-        default=False, description="store the heights left by plastic displacement, at the end: true or false"
-    )
+    heights: bool = default(False, "store the heights: true or false")
+    residual_heights: bool = default(False, "store the heights left by plastic displacement, at the end: true or false")
     fields_at: Selector | None = optional(f"gap and pressure as fields: {IN_WORDS}")
     box_counting: BoxCounting | None = optional("box counting; {}: defaults")
     volume_density: VolumeDensity | None = optional("density of the element volumes; {}: defaults")
@@ -198,10 +192,9 @@ class Record(Strict):
         "power spectral density before load and of the deformed surface, root mean square height, slope "
         "and curvature by scale, and Nayak's parameter: true (before load), false or {at: states}"
     )
-    contact_perimeter: bool = Field(
-        default=False,
-        description="length of the edges between contact and void at every step, for the corrected contact area: true "
-        "or false",
+    contact_perimeter: bool = default(
+        False,
+        "length of the edges between contact and void at every step, for the corrected contact area: true or false",
     )
     transport: Transport | None = optional("quantities of the void, each with its states")
     fluid_pressure: FluidPressure | None = optional(
@@ -222,9 +215,9 @@ class Record(Strict):
         "{name: module:function}: functions of a solved state, stored by name at every step, or names of "
         "entry points of the group roughvol.observables"
     )
-    all_legs: bool = Field(
-        default=False,
-        description="true: levels are taken on every leg of a path, that of a further leg as 'pressure=0.5, leg 2'; "
+    all_legs: bool = default(
+        False,
+        "true: levels are taken on every leg of a path, that of a further leg as 'pressure=0.5, leg 2'; "
         "false: on the first leg that reaches them",
     )
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from roughvol.study.plain_data import number_text
-from roughvol.study.sections.strict import Choice, Strict, optional
+from roughvol.study.sections.strict import Choice, Strict, default, optional
 from roughvol.study.values.types import refuse
 
 ACCURACY = {"draft": 1e-3, "standard": 1e-6, "reference": 1e-9}
@@ -67,21 +67,20 @@ class NamedKernel:
 class Solver(Strict):
     """Accuracy, kernel and method of the solver."""
 
-    accuracy: Literal["draft", "standard", "reference"] = Field(
-        default="standard",
-        description=f"bound on the residual η/σ: {', '.join(f'{k} {v:g}' for k, v in ACCURACY.items())}",
+    accuracy: Literal["draft", "standard", "reference"] = default(
+        "standard", f"bound on the residual η/σ: {', '.join(f'{k} {v:g}' for k, v in ACCURACY.items())}"
     )
     rtol: Tolerance | None = optional("bound on the residual η/σ, 1e-12 to 1e-1; overrides accuracy")
     max_error: MaxError | None = optional(
         "{free_volume, mean_pressure}: largest errors allowed; instead of accuracy and rtol"
     )
-    kernel: Literal[FreeKernel, PeriodicKernel] = Field(
-        default="love",
-        description="influence of an element: 'love' (uniform pressure) or 'punch' (rigid circular punch); 'fourier' "
+    kernel: Literal[FreeKernel, PeriodicKernel] = default(
+        "love",
+        "influence of an element: 'love' (uniform pressure) or 'punch' (rigid circular punch); 'fourier' "
         "(waves of the grid alone) on mirrored and periodic surfaces",
     )
-    method: Literal["fast", "paper"] = Field(
-        default="fast", description=f"'fast', or 'paper': the paper's dense Algorithm 1, for m <= {PAPER_MAX_M}"
+    method: Literal["fast", "paper"] = default(
+        "fast", f"'fast', or 'paper': the paper's dense Algorithm 1, for m <= {PAPER_MAX_M}"
     )
 
     @property

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator
-from typing import Any, NoReturn, get_args
+from typing import Any, NoReturn, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, RootModel, ValidationError, model_serializer
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from roughvol.study.plain_data import KeyPath
 from roughvol.study.values.units import text_of
+
+T = TypeVar("T")
 
 
 def refuse_at(path: KeyPath, given: Any, message: str, **context: str) -> NoReturn:
@@ -40,6 +42,11 @@ def nearest(word: str, known: list[str]) -> str | None:
     lower = {name.lower(): name for name in known}
     close = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.65)
     return lower[close[0]] if close else None
+
+
+def default(value: T, description: str) -> T:
+    """Return the field of a key with a default."""
+    return Field(default=value, description=description)
 
 
 def optional(description: str) -> Any:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_serializer, model_validator
 
 from roughvol.study.sections.ensemble import AUTO_FROM, AUTO_TO
-from roughvol.study.sections.strict import Strict, nearest, optional
+from roughvol.study.sections.strict import Strict, default, nearest, optional
 from roughvol.study.values.types import WHOLE, Auto, Dimension, Many, Positive, Refinement, Seed, refuse, whole
 from roughvol.study.values.units import Length, LengthUnit, unit_of
 from roughvol.surfaces.length_units import factor
@@ -113,12 +113,12 @@ class GeneratedSurface(Sized):
     m: Annotated[Many[Refinement], Auto()] = Field(
         description="2^m + 1 nodes per side, 2^m of a period; 1 <= m <= 13; a number or a list; 'auto' for an ensemble"
     )
-    L: Length = Field(default=100.0, description="lateral size, L > 0, as 100 or 100 um")
+    L: Length = default(100.0, "lateral size, L > 0, as 100 or 100 um")
     seeds: Seeds = Field(default=10)  # type: ignore[arg-type]  # a number, see `_counted`
-    midpoint_law: Literal["std", "variance"] = Field(
-        default="std", description="quantity divided by 2^((3-D)/2) in each half step: 'std' or 'variance'"
+    midpoint_law: Literal["std", "variance"] = default(
+        "std", "quantity divided by 2^((3-D)/2) in each half step: 'std' or 'variance'"
     )
-    sides: Sides = Field(default="free", description=SIDES)
+    sides: Sides = default("free", SIDES)
     unit: LengthUnit | None = optional(UNIT)
     Sq: Length | None = optional(
         "root mean square of the stored heights, > 0, with its unit or in that of L; default: not scaled"
@@ -144,8 +144,8 @@ class GeneratedSurface(Sized):
 class SpectralSurface(Sized):
     """Random surfaces with a power-law spectrum; every combination of H, n and seed is a case."""
 
-    H: Many[Hurst] = Field(default=(), description="Hurst exponent, 0 < H < 1; a number or a list")
-    D: Many[Dimension] = Field(default=(), description="fractal dimension instead of H, D = 3 - H, 2 < D < 3")
+    H: Many[Hurst] = default((), "Hurst exponent, 0 < H < 1; a number or a list")
+    D: Many[Dimension] = default((), "fractal dimension instead of H, D = 3 - H, 2 < D < 3")
     n: Annotated[Many[Nodes], Auto()] = Field(
         description=f"nodes per side of the period, a power of two, {FEWEST} to {MOST}; n + 1 with the repeated edge "
         "of free and mirrored surfaces; a number or a list; 'auto' for an ensemble, with cut or shortest"
@@ -165,14 +165,13 @@ class SpectralSurface(Sized):
         f"skewness of the heights, -{STEEPEST:g} to {STEEPEST:g}; default: Gaussian heights"
     )
     anisotropy: float = Field(default=1.0, ge=1, description="wavelengths along x over those along y, >= 1 and < cut")
-    phases: Literal["gaussian", "random"] = Field(
-        default="gaussian",
-        description="'gaussian': random amplitudes and phases; 'random': amplitudes as the spectrum, random phases",
+    phases: Literal["gaussian", "random"] = default(
+        "gaussian", "'gaussian': random amplitudes and phases; 'random': amplitudes as the spectrum, random phases"
     )
-    L: Length = Field(default=100.0, description="length of the period, L > 0, as 100 or 100 um")
+    L: Length = default(100.0, "length of the period, L > 0, as 100 or 100 um")
     seeds: Seeds = Field(default=10)  # type: ignore[arg-type]  # a number, see `_counted`
     unit: LengthUnit | None = optional(UNIT)
-    sides: Sides = Field(default="free", description=SIDES)
+    sides: Sides = default("free", SIDES)
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> dict[str, Any]:

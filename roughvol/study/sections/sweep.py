@@ -22,7 +22,7 @@ from pydantic import (
 )
 
 from roughvol.study.plain_data import KeyPath
-from roughvol.study.sections.strict import Choice, Strict, optional, refuse_at
+from roughvol.study.sections.strict import Choice, Strict, default, optional, refuse_at
 from roughvol.study.values.state_kinds import LISTS, OF_ALL, STATE_KINDS, Level, Starred
 from roughvol.study.values.types import WHOLE, AreaFraction, Many, Positive, StepNumber, Word, as_tuple, refuse
 from roughvol.study.values.units import Flow, Gap, In, Length, Load, Position, Pressure, convert, text_of, unit_of
@@ -113,7 +113,7 @@ class Target(Choice):
 
 def _listed(states: str, note: str = "") -> Any:
     """Return the field of a list of states with a step at each."""
-    return Field(default=(), description=f"instead of steps and to: {states}, a step at each{note}")
+    return default((), f"instead of steps and to: {states}, a step at each{note}")
 
 
 def _tag_to(value: Any) -> str:
@@ -168,17 +168,15 @@ def _misplaced(levels: Sequence[Any], *, either: bool) -> tuple[int | None, str]
 class Sweep(Strict):
     """Number of equal steps of indentation, and the last state."""
 
-    steps: Annotated[int, Field(ge=0, le=10_000), WHOLE] = Field(
-        default=60,
-        description="number of equal steps of indentation, 0 to 10000; 0: no contact; 20 in an ensemble without steps",
+    steps: Annotated[int, Field(ge=0, le=10_000), WHOLE] = default(
+        60, "number of equal steps of indentation, 0 to 10000; 0: no contact; 20 in an ensemble without steps"
     )
-    to: End[Target] = Field(
-        default="mean-plane",
-        description=f"last state: mean-plane, summit-plane, percolation (no open way left), or one of {_TARGETS}",
+    to: End[Target] = default(
+        "mean-plane", f"last state: mean-plane, summit-plane, percolation (no open way left), or one of {_TARGETS}"
     )
-    equal: Literal["indentation", "pressure", "log pressure"] = Field(
-        default="indentation",
-        description="quantity of equal steps: 'indentation', 'pressure', or 'log pressure' (equal ratios from 'first')",
+    equal: Literal["indentation", "pressure", "log pressure"] = default(
+        "indentation",
+        "quantity of equal steps: 'indentation', 'pressure', or 'log pressure' (equal ratios from 'first')",
     )
     first: Pressure | None = optional(
         "p* or pressure of the first step on the first leg, with equal: log pressure; default: that of the "
@@ -288,12 +286,11 @@ class LegTarget(Target):
 class Leg(Sweep):
     """A leg of a path: number of equal steps of indentation from the end of the leg before, and the last state."""
 
-    steps: Annotated[int, Field(ge=1, le=10_000), WHOLE] = Field(
-        default=60, description="number of equal steps of indentation on this leg, 1 to 10000"
+    steps: Annotated[int, Field(ge=1, le=10_000), WHOLE] = default(
+        60, "number of equal steps of indentation on this leg, 1 to 10000"
     )
-    to: End[LegTarget] = Field(
-        default="mean-plane",
-        description=f"last state of the leg: mean-plane, summit-plane, percolation, or one of {_TARGETS}",
+    to: End[LegTarget] = default(
+        "mean-plane", f"last state of the leg: mean-plane, summit-plane, percolation, or one of {_TARGETS}"
     )
     pressures: Many[Annotated[Fallen, In("pressure")]] = _listed("p* >= 0 or pressures as 0.1 MPa")
     indentations: Many[Annotated[Fallen, In("length")]] = _listed("Δ/σ >= 0 or lengths")
