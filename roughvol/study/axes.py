@@ -238,6 +238,6 @@ def variants_of(study: S, of: Sequence[Axis], sections: Sequence[Mapping[str, An
         if changed:
             one = one.model_copy(update=dict(changed))
             one._axes, one._sections = (), ()
-        words = ", ".join(axis.words(label) for axis, label in zip(of, labels, strict=True))
+        words = ", ".join(map(Axis.words, of, labels))
         made.append(Variant({axis.name: label for axis, label in zip(of, labels, strict=True)}, words, one))
     return tuple(made)
