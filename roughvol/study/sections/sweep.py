@@ -131,20 +131,6 @@ _TARGETS = (
 )
 
 
-def _spelled(data: Any) -> Any:
-    """Return the data of a sweep with the number of steps and the last state that follow from its list."""
-    given = [name for name in LISTS if data.get(name)] if isinstance(data, dict) else []
-    if not given:
-        return data
-    name, *others = given
-    beside = [*others, *(key for key in ("steps", "to", "equal", "first") if key in data)]
-    if beside:
-        others = [f"'{key}'" for key in beside]
-        refuse("'{name}' makes a step of each value: omit {others}", name=name, others=", ".join(others))
-    values = data[name] if isinstance(data[name], list | tuple) else [data[name]]
-    return {**data, "steps": len(values), "to": {LISTS[name].name: values[-1]}}
-
-
 def _misplaced(levels: Sequence[Any], *, either: bool) -> tuple[int | None, str] | None:
     """Return the place of the first listed level out of order, and the rule it breaks; None if all are in order.
 
@@ -194,7 +180,17 @@ class Sweep(Strict):
     @model_validator(mode="before")
     @classmethod
     def _steps_of_a_list(cls, data: Any) -> Any:
-        return _spelled(data)
+        """Give the number of steps and the last state that follow from a list of states."""
+        given = [name for name in LISTS if data.get(name)] if isinstance(data, dict) else []
+        if not given:
+            return data
+        name, *others = given
+        others += [key for key in ("steps", "to", "equal", "first") if key in data]
+        if others:
+            beside = ", ".join(f"'{key}'" for key in others)
+            refuse("'{name}' makes a step of each value: omit {others}", name=name, others=beside)
+        values = data[name] if isinstance(data[name], list | tuple) else [data[name]]
+        return {**data, "steps": len(values), "to": {LISTS[name].name: values[-1]}}
 
     @model_validator(mode="after")
     def _in_order(self) -> Sweep:
