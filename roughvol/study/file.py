@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -56,7 +56,4 @@ class StudyFile(Strict):
 
     comment: str | None = optional("any text for readers; it changes no answer")
 
-    @model_validator(mode="before")
-    @classmethod
-    def _steps_of_an_ensemble(cls, data: Any) -> Any:
-        return ensembles.with_default_steps(data)
+    _steps_of_an_ensemble = model_validator(mode="before")(ensembles.with_default_steps)
