@@ -89,17 +89,9 @@ def _body(
     if description and description.unit and not own and not given:
         message = f"missing: {path} has coordinates in {description.unit}, and no unit of its heights"
         wrong(message, f"{key}.heights_unit")
-    return Body(
-        path,
-        sha256,
-        body.variable,
-        own,
-        body.mirror if isinstance(body, CounterBody) else "none",
-        None if own else given,
-        body.columns,
-        body.header,
-        description.read_as if description else None,
-    )
+    mirror = body.mirror if isinstance(body, CounterBody) else "none"
+    read_as = description.read_as if description else None
+    return Body(path, sha256, body.variable, own, mirror, None if own else given, body.columns, body.header, read_as)
 
 
 def _unit(surface: HeightFile, descriptions: list[Description | None], bodies: list[Body]) -> str | None:
@@ -110,18 +102,14 @@ def _unit(surface: HeightFile, descriptions: list[Description | None], bodies: l
     named = next((body for body in bodies if body.numbers_in), None)
     unknown = next((body for body in bodies if body.numbers_in is None), None)
     if named and unknown:
-        wrong(
-            f"missing: {unknown.file} does not give its unit, the other file is in {named.numbers_in}", "surface.unit"
-        )
+        message = f"missing: {unknown.file} does not give its unit, the other file is in {named.numbers_in}"
+        wrong(message, "surface.unit")
     if named and unit is None and surface.L is not None:
-        wrong(
-            f"has no unit, and the heights of {named.file.name} are in {named.numbers_in}: add the unit, as L: 100 um",
-            "surface.L",
-        )
+        heights = f"the heights of {named.file.name} are in {named.numbers_in}"
+        wrong(f"has no unit, and {heights}: add the unit, as L: 100 um", "surface.L")
     if named and unit is None and any(text and text.sides for text in descriptions):
-        wrong(
-            f"missing: {named.file} has no unit of its coordinates, heights are in {named.numbers_in}", "surface.unit"
-        )
+        message = f"missing: {named.file} has no unit of its coordinates, heights are in {named.numbers_in}"
+        wrong(message, "surface.unit")
     return unit
 
 
@@ -174,9 +162,8 @@ def _notes(L: float, unit: str | None, descriptions: list[Description | None], b
         notes.append("the coordinates in the file count nodes and have no unit: is L right?")
     shape = texts[0].shape if texts else None
     if unit and L * METRES[unit] > LONGEST:
-        notes.append(
-            f"L = {L:.6g} {unit} is longer than {LONGEST:g} m, too long for a scan of roughness: is the unit right?"
-        )
+        doubt = f"longer than {LONGEST:g} m, too long for a scan of roughness: is the unit right?"
+        notes.append(f"L = {L:.6g} {unit} is {doubt}")
     if unit and shape and L / (shape[0] - 1) * METRES[unit] < FINEST:
         notes.append(f"the spacing is {L / (shape[0] - 1):.3g} {unit}, less than an atom: is the unit right?")
     return tuple(notes)
