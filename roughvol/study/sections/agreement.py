@@ -54,13 +54,13 @@ def resolve(surface: HeightFile) -> Measured:
         if surface.L is None and description and description.unsized:
             wrong(f"missing: {section.file} does not give the length of its axes: {description.unsized}", "surface.L")
     unit = _unit(surface, descriptions, bodies)
-    sides = [_sides(surface.L, description, unit, surface.periodic) for description in descriptions]
+    sides = [_sides(surface, description, unit) for description in descriptions]
     L = surface.L if surface.L is not None else next((side[0] for side in sides if side), None)
     if L is None:
         wrong(f"missing: {surface.file} does not give the length of its first axis", "surface.L")
-    if surface.L is not None:
-        for description, body, side in zip(descriptions, bodies, sides, strict=True):
-            _agrees(surface.L, unit, description, body, side, surface.periodic)
+    for description, body, side in zip(descriptions, bodies, sides, strict=True):
+        if description and side and surface.L is not None:
+            _agrees(surface.L, unit, description, body.file, side[0], surface.periodic)
     first, other = sides[0], sides[-1]
     if first and other and any(abs(a - b) > SAME * a for a, b in zip(first, other, strict=True)):
         sizes = " and ".join(" x ".join(f"{side:.6g}" for side in pair) for pair in (first, other))
@@ -113,39 +113,30 @@ def _unit(surface: HeightFile, descriptions: list[Description | None], bodies: l
     return unit
 
 
-def _sides(
-    L: float | None, description: Description | None, unit: str | None, periodic: bool
-) -> tuple[float, float] | None:
+def _sides(surface: HeightFile, description: Description | None, unit: str | None) -> tuple[float, float] | None:
     """Return the lengths of both axes in the unit of all lengths. A period is one pixel longer than its nodes."""
     if description is None or description.sides is None:
         return None
     x, y = description.sides
-    if periodic:
+    if surface.periodic:
         x, y = (side * nodes / (nodes - 1) for side, nodes in zip((x, y), description.shape, strict=True))
     scale = factor(description.unit, unit) if description.unit and unit else 1.0
-    if description.counted and L is not None:
-        scale = L / x
+    if description.counted and surface.L is not None:
+        scale = surface.L / x
     return x * scale, y * scale
 
 
-def _agrees(
-    L: float,
-    unit: str | None,
-    description: Description | None,
-    body: Body,
-    sides: tuple[float, float] | None,
-    periodic: bool,
-) -> None:
-    """Refuse an L that differs from the length in the file."""
-    if description is None or description.sides is None or sides is None or abs(L - sides[0]) <= SAME * sides[0]:
+def _agrees(L: float, unit: str | None, description: Description, file: Path, side: float, periodic: bool) -> None:
+    """Refuse an L that differs from the length of the first axis in the file."""
+    if description.sides is None or abs(L - side) <= SAME * side:
         return
     own = f"{description.sides[0]:.6g} {description.unit or unit or ''}".rstrip()
     given = f"{number_text(float(L))} {unit or ''}".rstrip()
-    message = f"is {given}, but {body.file} gives {own} ({description.source})"
+    message = f"is {given}, but {file} gives {own} ({description.source})"
     nodes = description.shape[0]
     if periodic:
-        message += f" between its outer nodes, so a period of {number_text(float(f'{sides[0]:.6g}'))}"
-    elif abs(L - sides[0] * nodes / (nodes - 1)) <= SAME * L:
+        message += f" between its outer nodes, so a period of {number_text(float(f'{side:.6g}'))}"
+    elif abs(L - side * nodes / (nodes - 1)) <= SAME * L:
         message += f": L is the length between the outer of its {nodes} nodes, {nodes - 1} pixels"
     wrong(f"{message}; omit L, or give header: ignore if the file is wrong", "surface.L")
 
