@@ -51,11 +51,6 @@ class StateKind:
     search: bool = True
     needs_unit: bool = False
 
-    @property
-    def is_starred(self) -> bool:
-        """Whether the kind is itself the starred quantity."""
-        return self.fixes == self.name and bool(self.stored)
-
 
 _P, _V, _Q = ("mean_pressure", "pressure"), ("free_volume", "free_volume"), "flow"
 STATE_KINDS = {
@@ -76,8 +71,8 @@ STATE_KINDS = {
 """All kinds by name."""
 LISTS = {kind.plural: kind for kind in STATE_KINDS.values() if kind.plural}
 """Kinds by the keys of lists in a sweep."""
-STARRED = {kind.name: kind for kind in STATE_KINDS.values() if kind.is_starred}
-"""Kinds that are starred quantities."""
+STARRED = {kind.name: kind for kind in STATE_KINDS.values() if kind.stored and kind.fixes == kind.name}
+"""Kinds that are themselves starred quantities."""
 OF_ALL = "a load is the nominal pressure times N^2 δ^2, on a free patch of N = 33 nodes a side 6 % more than L^2"
 """The area that a load acts on, in words."""
 REACHED = 1e-5  # relative; of d/σ, which passes 0, a share of σ at least
