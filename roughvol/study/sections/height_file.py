@@ -5,6 +5,7 @@ Sizes and units in a file are read when the cases are made, see `sections.agreem
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import itertools
 from collections.abc import Mapping
@@ -79,15 +80,10 @@ def _located(value: str, info: ValidationInfo) -> str:
         return Located(value, value)
     path = (context.get("folder", Path()) / value).absolute()
     if path.suffix.lower() not in HEIGHT_FORMATS and importlib.util.find_spec("SurfaceTopography") is None:
-        refuse(
-            "must end in one of {known}; for files of instruments: pip install '{extra}'",
-            known=" ".join(HEIGHT_FORMATS),
-            extra=EXTRA,
-        )
-    try:
+        refuse(f"must end in one of {' '.join(HEIGHT_FORMATS)}; for files of instruments: pip install '{EXTRA}'")
+    exists = False
+    with contextlib.suppress(OSError, ValueError):  # a name too long, a folder without access
         exists = path.is_file()
-    except (OSError, ValueError):  # a name too long, a folder without access
-        exists = False
     if not exists and not context.get(ABSENT):
         refuse(NO_FILE, path=printable(str(path)))
     return Located(str(path), value)
