@@ -134,6 +134,7 @@ class Accuracies(Choice):
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, HalfWidth]
+    EMPTY = "names no quantity: {known}"
 
     free_volume: HalfWidth | None = _mean("V*")
     contact_area: HalfWidth | None = _mean("A*")
@@ -165,12 +166,6 @@ class Accuracies(Choice):
     def own(self) -> list[str]:
         """Names of quantities of the user."""
         return list(self.model_extra or {})
-
-    @model_validator(mode="after")
-    def _not_empty(self) -> Accuracies:
-        if not self.named:
-            refuse("names no quantity: {known}", known=", ".join(type(self).model_fields))
-        return self
 
     @model_serializer
     def _plain(self) -> Any:

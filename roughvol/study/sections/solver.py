@@ -28,16 +28,12 @@ Tolerance = Annotated[float, Field(ge=1e-12, le=1e-1)]
 class MaxError(Choice):
     """Largest allowed errors of any state. The solver ends each state as soon as they are certified."""
 
+    EMPTY = "must name free_volume or mean_pressure"
+
     free_volume: Tolerance | None = optional("largest error of V* at any state, 1e-12 to 1e-1")
     mean_pressure: Annotated[float, Field(ge=1e-9, le=1e-1)] | None = optional(
         "largest relative error of p* at any state, 1e-9 to 1e-1"
     )
-
-    @model_validator(mode="after")
-    def _not_empty(self) -> MaxError:
-        if not self.named:
-            refuse("must name free_volume or mean_pressure")
-        return self
 
 
 FreeKernel = Literal["love", "punch"]  # with influence coefficients: on surfaces with any sides

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator
-from typing import Any, NoReturn, TypeVar, get_args
+from typing import Any, ClassVar, NoReturn, Self, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, RootModel, ValidationError, model_serializer
+from pydantic import BaseModel, ConfigDict, Field, RootModel, ValidationError, model_serializer, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from roughvol.study.plain_data import KeyPath
+from roughvol.study.values.types import refuse
 from roughvol.study.values.units import text_of
 
 T = TypeVar("T")
@@ -64,6 +65,14 @@ class Choice(Strict):
     """A mapping with optional keys."""
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+    EMPTY: ClassVar[str] = ""
+    """Message for a mapping that names no key; empty where it may name none."""
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> Self:
+        if self.EMPTY and not self.named:
+            refuse(self.EMPTY, known=", ".join(names(type(self))))
+        return self
 
     @property
     def named(self) -> dict[str, Any]:
