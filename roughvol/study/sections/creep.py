@@ -33,8 +33,8 @@ from roughvol.errors import Problem, StudyError
 from roughvol.study.plain_data import Arguments, KeyPath, Reading, UnreadableError, key_text, write
 from roughvol.study.python_data import plain, text_of_value
 from roughvol.study.sections.material import ContactModulus, YoungPoisson
-from roughvol.study.sections.strict import Strict, optional
-from roughvol.study.validation import in_words
+from roughvol.study.sections.strict import Strict, names, optional
+from roughvol.study.validation import in_words, models_of
 from roughvol.study.values.types import Positive, refuse
 from roughvol.study.values.units import In, convert, in_unit, read, unit_of
 
@@ -226,8 +226,7 @@ def _message(item: Any) -> str:
     """Return one error of pydantic in plain words."""
     if item["type"] != "extra_forbidden":
         return in_words(item)
-    form: Any = {"prony": Prony, "power": Power, "table": Table}.get(item["loc"][0], Creep)
-    return f"unknown key; allowed: {', '.join((form if item['loc'][1:] else Creep).model_fields)}"
+    return f"unknown key; allowed: {', '.join(names(*models_of(Creep)[item['loc'][:-1]]))}"
 
 
 def read_times(times: Any) -> list[float]:
