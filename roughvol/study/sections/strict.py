@@ -18,9 +18,8 @@ T = TypeVar("T")
 
 def refuse_at(path: KeyPath, given: Any, message: str, **context: str) -> NoReturn:
     """Raise the error of a validator with this message at a key inside its own, with the value given there."""
-    kind, title = "refused", "Study"
-    details = InitErrorDetails(type=PydanticCustomError(kind, message, context), loc=path, input=given)
-    raise ValidationError.from_exception_data(title, [details])
+    details = InitErrorDetails(type=PydanticCustomError("refused", message, context), loc=path, input=given)
+    raise ValidationError.from_exception_data("Study", [details])
 
 
 def names(*models: type[BaseModel]) -> list[str]:
