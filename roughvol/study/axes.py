@@ -8,21 +8,24 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import InitErrorDetails
 
+from roughvol.study.file import StudyFile
 from roughvol.study.plain_data import KeyPath, number_text, show
 from roughvol.study.sections.record import INTERIOR
-from roughvol.study.sections.strict import refuse_at
+from roughvol.study.sections.strict import models_in, refuse_at
+from roughvol.study.sections.sweep import Leg
 from roughvol.study.validation import details_of
 from roughvol.study.values.units import Quantity, convert
 
 S = TypeVar("S")  # `study.Study`
 T = TypeVar("T")
+Label = float | str
 
 AXES: dict[str, tuple[str, ...]] = {
     "level": ("surface", "level"),
@@ -37,20 +40,10 @@ AXES: dict[str, tuple[str, ...]] = {
     "region": ("record", "region"),
 }
 """Key path of each axis, in the order of the dimensions of a dataset."""
-NUMBERS = {
-    "E_star": math.nan,
-    "E": math.nan,
-    "nu": math.nan,
-    "thickness": math.inf,
-    "hardness": math.inf,
-    "low_pass": 0.0,
-}
-"""Axes of numbers, each with the label of the item 'none'."""
-OPTIONAL = ("low_pass", "thickness", "hardness", "region")  # take 'none' in a list
+LABELS_OF_NONE: dict[str, Label] = {"low_pass": 0.0, "thickness": math.inf, "hardness": math.inf, "region": "whole"}
+"""Label of the item 'none', of each axis that takes this item."""
 MOST = 1000  # combinations
 NONE = "none"
-
-Label = float | str
 
 
 @dataclass(frozen=True)
@@ -65,7 +58,7 @@ class Axis:
         """Return a label in words, as ``E = 5 MPa``."""
         if isinstance(label, str):
             return label if self.name in ("material", "to") else f"{self.name} = {label}"
-        none = self.name in OPTIONAL and label == NUMBERS[self.name]
+        none = label == LABELS_OF_NONE.get(self.name)
         text = NONE if none else f"{number_text(label)} {self.unit or ''}".strip()
         return f"{self.name} = {text}"
 
@@ -149,7 +142,7 @@ def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> tuple[tuple[Axis
         one = data
         for (name, values), place in zip(items.items(), places, strict=True):
             item = values[place]
-            one = _with(one, AXES[name], None if item == NONE and name in OPTIONAL else item)
+            one = _with(one, AXES[name], None if item == NONE and name in LABELS_OF_NONE else item)
         try:
             made.append(read_one(one))
         except ValidationError as error:
@@ -178,10 +171,10 @@ def _axis(name: str, given: Sequence[Any], studies: Sequence[Any]) -> Axis:
 
 def _label(name: str, item: Any, unit: str | None) -> Label:
     """Return the label of an item: a number in the unit of the axis, or text."""
-    if name not in NUMBERS:
-        return str(item)
     if item is None:
-        return NUMBERS[name]
+        return LABELS_OF_NONE[name]
+    if isinstance(item, str):
+        return item
     if not isinstance(item, Quantity) or unit is None:
         return float(item)
     return float(f"{convert(float(item), item.unit, unit):.12g}")
@@ -199,33 +192,22 @@ def _item(name: str, study: Any) -> Any:
     if name == "region":
         region = study.record.region
         if region is None:
-            return "whole"
+            return None
         return "interior" if (("x", region.x), ("y", region.y)) == INTERIOR else region.label
-    value = getattr(getattr(study, AXES[name][0]), name)
-    return value if value is None or isinstance(value, Quantity | str) else float(value)
+    return getattr(getattr(study, AXES[name][0]), name)
 
 
 def listable(schema: dict[str, Any]) -> dict[str, Any]:
     """Return the JSON schema of a study with a list allowed at each axis."""
     models, sections = schema["$defs"], schema["properties"]
     for name, (section, *rest) in AXES.items():
-        holders = [sections]
-        if rest:
-            names = [one["$ref"].rpartition("/")[2] for one in _references(sections[section])]
-            holders = [models[one].get("properties", {}) for one in names if models[one].get("title") != "Leg"]
+        forms = [form for form in models_in(StudyFile.model_fields[section].annotation) if form is not Leg]
+        holders = [models[form.__name__]["properties"] for form in forms] if rest else [sections]
         key = rest[0] if rest else section
         for holder in holders:
             if key in holder:
-                holder[key] = _or_list(holder[key], optional=name in OPTIONAL)
+                holder[key] = _or_list(holder[key], optional=name in LABELS_OF_NONE)
     return schema
-
-
-def _references(schema: Any) -> Iterator[dict[str, Any]]:
-    if "$ref" in schema:
-        yield schema
-    for part in ("anyOf", "oneOf", "allOf"):
-        for inner in schema.get(part, ()):
-            yield from _references(inner)
 
 
 def _or_list(schema: dict[str, Any], *, optional: bool) -> dict[str, Any]:
@@ -256,6 +238,6 @@ def variants_of(study: S, of: Sequence[Axis], sections: Sequence[Mapping[str, An
         if changed:
             one = one.model_copy(update=dict(changed))
             one._axes, one._sections = (), ()
-        words = ", ".join(axis.words(label) for axis, label in zip(of, labels, strict=True))
+        words = ", ".join(map(Axis.words, of, labels))
         made.append(Variant({axis.name: label for axis, label in zip(of, labels, strict=True)}, words, one))
     return tuple(made)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -15,7 +15,7 @@ from roughvol.study.sections.material import ContactModulus, YoungPoisson, tag_m
 from roughvol.study.sections.record import Record
 from roughvol.study.sections.seal import Seal
 from roughvol.study.sections.solver import Solver
-from roughvol.study.sections.strict import Strict
+from roughvol.study.sections.strict import Strict, default, optional
 from roughvol.study.sections.surface import GeneratedSurface, SpectralSurface
 from roughvol.study.sections.sweep import Legs, Sweep, tag_sweep
 from roughvol.study.values.types import Word
@@ -24,10 +24,9 @@ from roughvol.study.values.types import Word
 class StudyFile(Strict):
     """The sections of a study file; `study.Study` has the rules across them, lists and cases."""
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$", max_length=100)] = Field(
-        default="study",
-        description="letters, digits, _, - and dots, at most 100, a letter, digit or _ first; "
-        "default: that of the study file",
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$", max_length=100)] = default(
+        "study",
+        "letters, digits, _, - and dots, at most 100, a letter, digit or _ first; default: that of the study file",
     )
     surface: Annotated[
         Annotated[GeneratedSurface, Tag("<generated>")]
@@ -41,37 +40,20 @@ class StudyFile(Strict):
     material: Annotated[
         Annotated[ContactModulus, Tag("<modulus>")] | Annotated[YoungPoisson, Tag("<young>")],
         Discriminator(tag_material),
-    ] = Field(default=ContactModulus(), description="{E_star} or {E, nu}, optionally hardness")
+    ] = default(ContactModulus(), "{E_star} or {E, nu}, optionally hardness")
     sweep: Annotated[Annotated[Sweep, Tag("<sweep>")] | Annotated[Legs, Tag("<path>")], Discriminator(tag_sweep)] = (
-        Field(
-            default=Sweep(),
-            description="{steps, to}: number of steps and last state; or a list of these, legs up and down",
-        )
+        default(Sweep(), "{steps, to}: number of steps and last state; or a list of these, legs up and down")
     )
-    solver: Annotated[Solver, Word("paper", (("method", "paper"),))] = Field(
-        default=Solver(),
-        description="{accuracy, rtol or max_error, kernel, method}; 'paper' is short for {method: paper}",
+    solver: Annotated[Solver, Word("paper", (("method", "paper"),))] = default(
+        Solver(), "{accuracy, rtol or max_error, kernel, method}; 'paper' is short for {method: paper}"
     )
-    record: Record = Field(
-        default=Record(),
-        description=f"{{{', '.join(Record.model_fields)}}}",
-    )
+    record: Record = default(Record(), f"{{{', '.join(Record.model_fields)}}}")
+    ensemble: Ensemble | None = optional("{accuracy, at, budget, first_seed}: accuracy of the mean over all surfaces")
 
-    ensemble: Ensemble | None = Field(
-        default=None, description="{accuracy, at, budget, first_seed}: accuracy of the mean over all surfaces"
-    )
+    fluid: Fluid | None = optional("{gas, inlet, outlet, temperature, law}: the gas of record.transport.gas_flow")
 
-    fluid: Fluid | None = Field(
-        default=None, description="{gas, inlet, outlet, temperature, law}: the gas of record.transport.gas_flow"
-    )
+    seal: Seal | None = optional("{length, width, flow}: the seal that the surfaces are patches of")
 
-    seal: Seal | None = Field(
-        default=None, description="{length, width, flow}: the seal that the surfaces are patches of"
-    )
+    comment: str | None = optional("any text for readers; it changes no answer")
 
-    comment: str | None = Field(default=None, description="any text for readers; it changes no answer")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _steps_of_an_ensemble(cls, data: Any) -> Any:
-        return ensembles.with_default_steps(data)
+    _steps_of_an_ensemble = model_validator(mode="before")(ensembles.with_default_steps)

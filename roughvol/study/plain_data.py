@@ -164,20 +164,16 @@ def put(data: Any, path: KeyPath, value: Any) -> None:
 
 
 _SCALARS = (
-    ("null", r"(?:~|null|Null|NULL|)\Z", ("~", "n", "N", "")),
+    ("null", r"(?:~|null|Null|NULL|)\Z", ("", *"~nN")),
     ("bool", r"(?:true|True|TRUE|false|False|FALSE)\Z", "tTfF"),
     ("int", r"[-+]?[0-9]+\Z", "-+0123456789"),
     ("float", r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?\Z", "-+.0123456789"),
     ("float", r"(?:[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z", "-+."),
 )
-_RESOLVERS: dict[str, list[tuple[str, re.Pattern[str]]]] = {
-    character: [
-        (f"tag:yaml.org,2002:{kind}", re.compile(pattern))
-        for kind, pattern, first in _SCALARS
-        if character in tuple(first)
-    ]
-    for character in ("", *"~nNtTfF-+.0123456789")
-}
+_RESOLVERS: dict[str, list[tuple[str, re.Pattern[str]]]] = {}
+for _kind, _pattern, _first in _SCALARS:
+    for _character in _first:
+        _RESOLVERS.setdefault(_character, []).append((f"tag:yaml.org,2002:{_kind}", re.compile(_pattern)))
 
 
 def _stop(message: str, event: Any) -> NoReturn:

@@ -79,11 +79,17 @@ def text_of_value(value: Any, name: str) -> Any:
     str or list of str
         As ``10 MPa``.
     """
+    data = _plain_or_refused(value, name)
+    return [_text(item) for item in data] if isinstance(data, list) else _text(data)
+
+
+def _plain_or_refused(value: Any, name: str = "") -> Any:
+    """Return an object of Python as plain data; a `StudyError` has the name of an object that is none."""
     problems: dict[KeyPath, str] = {}
     data = plain(value, problems)
     if problems:
         raise StudyError([Problem(text, f"{name}{key_text(path)}") for path, text in problems.items()])
-    return [_text(item) for item in data] if isinstance(data, list) else _text(data)
+    return data
 
 
 def _text(data: Any) -> str:
@@ -107,11 +113,7 @@ def changes_of(changes: Changes) -> tuple[str, ...]:
         return (changes,)
     if not isinstance(changes, Mapping):
         return tuple(changes)
-    problems: dict[KeyPath, str] = {}
-    data = plain(changes, problems)
-    if problems:
-        raise StudyError([Problem(text, key_text(path)) for path, text in problems.items()])
-    return tuple(f"{key}={_text(value)}" for key, value in data.items())
+    return tuple(f"{key}={_text(value)}" for key, value in _plain_or_refused(changes).items())
 
 
 def measured(value: Any, *, convert: bool = True) -> tuple[Any, str]:

@@ -89,14 +89,11 @@ def load(path: str | Path, changes: Sequence[str] = ()) -> Study:
     except (OSError, ValueError) as error:  # ValueError: a path with a null character
         message = f"cannot read the study: {getattr(error, 'strerror', None) or error}"
         if isinstance(error, FileNotFoundError | IsADirectoryError):
-            message = _holds_results(path) if any(map(_is_run, (Path(run) / path for run in RUNS))) else message
+            is_run = any((Path(folder) / path / "study.yaml").is_file() for folder in RUNS)
+            message = _holds_results(path) if is_run else message
     if message:
         raise StudyError([Problem(message, "", line, file)])
     return _study(text, file, Path(path), changes=changes)
-
-
-def _is_run(folder: Path) -> bool:
-    return (folder / "study.yaml").is_file()
 
 
 def _holds_results(path: str | Path) -> str:
@@ -150,18 +147,12 @@ def changed(study: Study, changes: Sequence[str]) -> Study:
     Study
         The changed study.
     """
-    return (
-        study.changed(**{key_text(keys): value for keys, value in map(_key_and_value, changes)}) if changes else study
-    )
+    values = {key_text(keys): value for keys, value in map(_key_and_value, changes)}
+    return study.changed(**values) if values else study
 
 
 def loads(
-    text: str,
-    file: str | Path = "<string>",
-    *,
-    stored: bool = False,
-    of_run: bool = False,
-    changes: Sequence[str] = (),
+    text: str, file: str | Path = "<string>", *, stored: bool = False, of_run: bool = False, changes: Sequence[str] = ()
 ) -> Study:
     """Read a study from text.
 

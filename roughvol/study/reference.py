@@ -112,12 +112,10 @@ def _bounds(schema: Any) -> str:
 
 def _default(value: Any) -> str:
     """Return a default as in a study file."""
-    if value is None or value in ([], {}):
-        return "none"
     if isinstance(value, dict):
         value = {name: inner for name, inner in value.items() if inner is not None and inner != []}
-        if not value:
-            return "none"
+    if value is None or value in ([], {}):
+        return "none"
     if isinstance(value, list) and len(value) > 6:
         return f"[{value[0]}, {value[1]}, …, {value[-1]}]"
     text = " ".join(write({"x": value}).split())

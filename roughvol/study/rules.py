@@ -39,16 +39,13 @@ _FLUID = "needs the section fluid, as fluid: {gas: helium, inlet: 1 bar, outlet:
 _PERIOD = "changes or cuts the period of a periodic surface: treat the file beforehand, or omit it"
 _LENGTH = "needs the unit of length, as surface: {L: 100 um}"
 _PLANE = "needs surface.sides: periodic and no record.region: a part of a plane is no period"
+_ELASTIC = "needs elastic contact: material.plastic is true and a hardness given"
 _NO_DISPLACEMENT = "no plastic displacement: give material.hardness"
 NEEDS = (  # key, the key or property it needs, message
     ("record.transport.gas_flow", "fluid", _FLUID),
     ("record.transport.cell_transmissivity", "surface.periodic", _PLANE),
     ("record.dimensional.pressure", "material.unit", "needs the modulus with its unit, as material: {E_star: 100 GPa}"),
-    *(
-        (f"record.dimensional.{name}", "surface.has_length", _LENGTH)
-        for name in Dimensional.model_fields
-        if name != "pressure"
-    ),
+    *((f"record.dimensional.{key}", "surface.has_length", _LENGTH) for key in names(Dimensional) if key != "pressure"),
     ("record.dimensional.leak_rate", "record.transport.transmissivity", "needs record.transport.transmissivity"),
     ("record.dimensional.critical_gap", "record.transport.constriction", "needs record.transport.constriction"),
     ("record.dimensional.gas_leak_rate", "record.transport.gas_flow", "needs record.transport.gas_flow"),
@@ -58,18 +55,11 @@ NEEDS = (  # key, the key or property it needs, message
 )
 EXCLUDES = (  # key, the key or property that excludes it, message
     ("record.transport.cell_transmissivity", "record.region", _PLANE),
-    (
-        "record.fluid_pressure",
-        "material.yields",
-        "needs elastic contact: material.plastic is true and a hardness given",
-    ),
+    ("record.fluid_pressure", "material.yields", _ELASTIC),
     ("surface.D", "surface.H", "excluded by 'H': give one of them"),
     ("surface.shortest", "surface.cut", "excluded by 'cut': give one of them"),
     ("surface.slope", "surface.Sq", "excluded by 'Sq': give one of them"),
-    ("surface.crop", "surface.periodic", _PERIOD),
-    ("surface.downsample", "surface.periodic", _PERIOD),
-    ("surface.resample", "surface.periodic", _PERIOD),
-    ("surface.low_pass", "surface.periodic", _PERIOD),
+    *((f"surface.{key}", "surface.periodic", _PERIOD) for key in ("crop", "downsample", "resample", "low_pass")),
 )
 KEYS_OF = {  # of properties
     "surface.periodic": ("surface.sides",),
@@ -218,10 +208,8 @@ def _periodic(study: StudyFile) -> Problems:
             if m < PERIODIC_LEAST_M:
                 yield path, f"a periodic surface takes m >= {PERIODIC_LEAST_M} (8 x 8 elements), given {number_text(m)}"
     if surface.periodic and isinstance(surface, HeightFile) and surface.level not in ("none", "mean"):
-        yield (
-            ("surface", "level"),
-            "a tilted or curved surface is not periodic; allowed with sides: periodic are none, mean",
-        )
+        message = "a tilted or curved surface is not periodic; allowed with sides: periodic are none, mean"
+        yield ("surface", "level"), message
 
 
 @_rule("solver.kernel", "material.thickness")
@@ -238,10 +226,8 @@ def _beyond_full_contact(study: StudyFile) -> Problems:
     for path, level in study.sweep.states():
         if level.kind == "separation" and (value := level.value or 0.0) < 0.0:
             given = number_text(value) if unit_of(value) is None else value
-            yield (
-                path,
-                f"must be >= 0, given {given}: d of a {study.surface.sides} surface is its mean gap, 0 at full contact",
-            )
+            sides = study.surface.sides
+            yield path, f"must be >= 0, given {given}: d of a {sides} surface is its mean gap, 0 at full contact"
 
 
 @_rule(*(f"surface.{key}" for key in (*SPECTRAL, "D", "L", "unit")))
@@ -345,12 +331,12 @@ def _one_drop(study: StudyFile) -> Problems:
 
 @_rule("sweep")
 def _path(study: StudyFile) -> Problems:
-    path_of = isinstance(study.sweep, Legs)
-    legs = [(("sweep", k) if path_of else ("sweep",), leg) for k, leg in enumerate(study.sweep.legs)]
+    several = isinstance(study.sweep, Legs)
+    legs = [(("sweep", k) if several else ("sweep",), leg) for k, leg in enumerate(study.sweep.legs)]
     for path, leg in legs:
         if leg.equal == "log pressure" and (leg.steps == 0 or leg.target == Level("pressure", 0.0)):
             yield (*path, "equal"), "equal ratios of pressure need steps, and an end > 0"
-    if not isinstance(study.sweep, Legs):
+    if not several:
         return
     if study.ensemble is not None:
         yield ("sweep",), "an ensemble takes one sweep, {steps, to}, and no list of legs"
@@ -378,8 +364,7 @@ def _ensemble(study: StudyFile) -> Problems:
         yield ("surface", "seeds"), "cannot be given beside 'ensemble', which decides how many: leave it out"
     finest = getattr(surface, resolution)
     if len(finest) > 1:
-        message = "must be one number beside 'ensemble': the finest resolution, or 'auto'"
-        yield ("surface", resolution), message
+        yield ("surface", resolution), "must be one number beside 'ensemble': the finest resolution, or 'auto'"
     least = FEWEST << FEWEST_LEVELS - 1 if resolution == "n" else PERIODIC_LEAST_M + FEWEST_LEVELS - 1
     for path, value in _numbers(("surface", resolution), finest):
         if value < least and (resolution == "n" or surface.periodic):
@@ -424,9 +409,8 @@ def _means(study: StudyFile) -> Problems:
         key = RECORDED_BY.get(name)
         if key is None or CLOSING.get(name) == end or getattr(study.record.transport, key, None) == EVERY_STEP:
             continue
-        sweep = (
-            f"sweep.to: {{percolation: {CLOSING[name].removeprefix('percolation-')}}}, or " if name in CLOSING else ""
-        )
+        way = CLOSING.get(name, "").removeprefix("percolation-")
+        sweep = f"sweep.to: {{percolation: {way}}}, or " if way else ""
         yield place, f"needs {sweep}record.transport.{key}: {EVERY_STEP}"
     if states and quantities.keys() <= CLOSING.keys():
         yield ("ensemble", "at"), f"is of no use for {', '.join(quantities)} alone: leave it out"

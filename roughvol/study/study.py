@@ -9,14 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pydantic import (
-    PrivateAttr,
-    SerializationInfo,
-    ValidationError,
-    ValidationInfo,
-    model_serializer,
-    model_validator,
-)
+from pydantic import PrivateAttr, SerializationInfo, ValidationError, ValidationInfo, model_serializer, model_validator
 
 from roughvol.errors import Problem, RoughvolDeprecation, StudyError, warn
 from roughvol.study import axes

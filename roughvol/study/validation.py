@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import operator
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -66,15 +67,18 @@ def validated(data: Any, read: Callable[[Any], S], rules: Sequence[Rule], contex
     wrong: list[InitErrorDetails] = []
     repair = _Repair(data, context)
     study: Any = None
-    try:
-        study = read(data)
-    except ValidationError as error:
-        wrong = [details_of(item, item["loc"]) for item in error.errors(include_url=False)]
-        study = _sound_part(read, error, repair)
-    if study is not None:
-        for rule in rules:
-            if rule.applies(repair.keys):
-                wrong += [_broken(repair.place(path), message) for path, message in rule.problems(study)]
+    for _ in range(MOST_REPAIRS + 1):
+        try:
+            study = read(repair.data)
+            break
+        except ValidationError as error:
+            wrong = wrong or [details_of(item, item["loc"]) for item in error.errors(include_url=False)]
+            if not repair.leave_out(error):
+                break
+    for rule in rules if study is not None else ():
+        if rule.applies(repair.keys):
+            for path, message in rule.problems(study):
+                wrong.append(details_of({"type": RULE, "msg": message, "input": None}, repair.place(path)))
     if wrong:
         raise ValidationError.from_exception_data("Study", wrong)
     return study
@@ -97,11 +101,6 @@ def plain_path(place: Sequence[int | str], data: Any, *, missing: bool = False) 
     return path
 
 
-def _broken(path: KeyPath, message: str) -> InitErrorDetails:
-    kind, text = RULE, "{reason}"
-    return InitErrorDetails(type=PydanticCustomError(kind, text, {"reason": message}), loc=path, input=None)
-
-
 def details_of(item: Any, where: tuple[int | str, ...]) -> InitErrorDetails:
     """Return an error of pydantic at another place."""
     of_pydantic = item["type"] not in ("refused", RULE, "assertion_error", "value_error")
@@ -119,7 +118,9 @@ class _Repair:
     items: dict[KeyPath, list[int]] = field(default_factory=dict)  # by list: the places that are left
 
     def leave_out(self, error: ValidationError) -> bool:
-        """Leave out all faults of an error; return False if nothing is left."""
+        """Leave out all faults of an error; return False if nothing is left. From then on files need not exist."""
+        if self.context is not None:
+            self.context[ABSENT] = True
         faults = {plain_path(item["loc"], self.data): item for item in error.errors(include_url=False)}
         for path, item in sorted(faults.items(), key=lambda pair: [str(part) for part in pair[0]], reverse=True):
             if is_absent(item) and self.context is not None:
@@ -127,35 +128,18 @@ class _Repair:
             if not path:
                 return False
             if isinstance(path[-1], int):
-                of_list = self.items.setdefault(path[:-1], list(range(len(self._at(path[:-1])))))
-                del of_list[path[-1]]
+                given = functools.reduce(operator.getitem, path[:-1], self.data)
+                del self.items.setdefault(path[:-1], list(range(len(given))))[path[-1]]
             elif item["type"] != "extra_forbidden":
                 self.keys.add(path)
             self.data = _without(self.data, path)
         return True
-
-    def _at(self, path: KeyPath) -> Any:
-        return functools.reduce(lambda here, part: here[part], path, self.data)
 
     def place(self, path: KeyPath) -> KeyPath:
         """Return a place in the repaired data as a place in the given data."""
         *key, last = path
         left = self.items.get(tuple(key))
         return (*key, left[last]) if left is not None and isinstance(last, int) else path
-
-
-def _sound_part(read: Callable[[Any], S], error: ValidationError, repair: _Repair) -> S | None:
-    """Return the study without its faults; None if nothing sound is left."""
-    if repair.context is not None:
-        repair.context[ABSENT] = True
-    for _ in range(MOST_REPAIRS):
-        if not repair.leave_out(error):
-            return None
-        try:
-            return read(repair.data)
-        except ValidationError as again:
-            error = again
-    return None
 
 
 def _without(data: Any, path: KeyPath) -> Any:

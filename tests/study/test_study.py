@@ -600,6 +600,8 @@ def test_the_schema_holds_ranges_choices_and_defaults() -> None:
     dimension = surface["properties"]["D"]["anyOf"]
     assert {"type": "number", "exclusiveMinimum": 2, "exclusiveMaximum": 3} in dimension
     assert [one["type"] for one in dimension] == ["number", "array"]
+    assert {"type": "integer", "minimum": 1, "maximum": 13} in surface["properties"]["m"]["anyOf"][1]["anyOf"]
+    assert not any(f'"{bound}":' in json.dumps(schema) for bound in ("ge", "gt", "le", "lt"))
     assert surface["required"] == ["D", "m"]
     assert surface["properties"]["seeds"]["default"] == 10
     assert surface["properties"]["midpoint_law"]["enum"] == ["std", "variance"]

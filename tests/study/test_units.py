@@ -9,14 +9,14 @@ from roughvol.study import read
 from roughvol.study.values.units import FACTORS, KINDS, convert, unit_of
 
 REGISTRY = pint.UnitRegistry()
-NAMED = [(kind, unit) for kind, (_, words) in KINDS.items() for unit in words.removesuffix(" and the like").split(", ")]
+NAMED = [(kind, unit) for kind, row in KINDS.items() for unit in row.units.removesuffix(" and the like").split(", ")]
 
 
 @pytest.mark.parametrize(("kind", "unit"), NAMED)
 def test_a_named_unit_is_of_its_kind(kind: str, unit: str) -> None:
     assert unit_of(read(f"2 {unit}", kind)) == unit
     if unit != "sccm":  # defined by this package
-        assert REGISTRY.parse_units(unit).dimensionality == REGISTRY.get_dimensionality(KINDS[kind][0])
+        assert REGISTRY.parse_units(unit).dimensionality == REGISTRY.get_dimensionality(KINDS[kind].dimension)
 
 
 @pytest.mark.parametrize("wanted", FACTORS)

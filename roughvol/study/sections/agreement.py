@@ -54,21 +54,21 @@ def resolve(surface: HeightFile) -> Measured:
         if surface.L is None and description and description.unsized:
             wrong(f"missing: {section.file} does not give the length of its axes: {description.unsized}", "surface.L")
     unit = _unit(surface, descriptions, bodies)
-    sides = [_sides(surface.L, description, unit, surface.periodic) for description in descriptions]
+    sides = [_sides(surface, description, unit) for description in descriptions]
     L = surface.L if surface.L is not None else next((side[0] for side in sides if side), None)
     if L is None:
         wrong(f"missing: {surface.file} does not give the length of its first axis", "surface.L")
-    if surface.L is not None:
-        for description, body, side in zip(descriptions, bodies, sides, strict=True):
-            _agrees(surface.L, unit, description, body, side, surface.periodic)
+    for description, body, side in zip(descriptions, bodies, sides, strict=True):
+        if description and side and surface.L is not None:
+            _agrees(surface.L, unit, description, body.file, side[0], surface.periodic)
     first, other = sides[0], sides[-1]
     if first and other and any(abs(a - b) > SAME * a for a, b in zip(first, other, strict=True)):
         sizes = " and ".join(" x ".join(f"{side:.6g}" for side in pair) for pair in (first, other))
         wrong(f"the files differ in size, {sizes} {unit or ''}".rstrip(), "surface.against.file")
 
     def shape(index: int) -> tuple[int, int]:
-        description = descriptions[index]
-        return description.shape if description else _shape(bodies[index], _KEYS[index])
+        body = bodies[index]
+        return (descriptions[index] or _read(body, body.sha256, _KEYS[index], ignored=True)).shape
 
     notes = _notes(float(L), unit, descriptions, bodies)
     own = [description.sides if description else None for description in descriptions]
@@ -89,17 +89,9 @@ def _body(
     if description and description.unit and not own and not given:
         message = f"missing: {path} has coordinates in {description.unit}, and no unit of its heights"
         wrong(message, f"{key}.heights_unit")
-    return Body(
-        path,
-        sha256,
-        body.variable,
-        own,
-        body.mirror if isinstance(body, CounterBody) else "none",
-        None if own else given,
-        body.columns,
-        body.header,
-        description.read_as if description else None,
-    )
+    mirror = body.mirror if isinstance(body, CounterBody) else "none"
+    read_as = description.read_as if description else None
+    return Body(path, sha256, body.variable, own, mirror, None if own else given, body.columns, body.header, read_as)
 
 
 def _unit(surface: HeightFile, descriptions: list[Description | None], bodies: list[Body]) -> str | None:
@@ -110,54 +102,41 @@ def _unit(surface: HeightFile, descriptions: list[Description | None], bodies: l
     named = next((body for body in bodies if body.numbers_in), None)
     unknown = next((body for body in bodies if body.numbers_in is None), None)
     if named and unknown:
-        wrong(
-            f"missing: {unknown.file} does not give its unit, the other file is in {named.numbers_in}", "surface.unit"
-        )
+        message = f"missing: {unknown.file} does not give its unit, the other file is in {named.numbers_in}"
+        wrong(message, "surface.unit")
     if named and unit is None and surface.L is not None:
-        wrong(
-            f"has no unit, and the heights of {named.file.name} are in {named.numbers_in}: add the unit, as L: 100 um",
-            "surface.L",
-        )
+        heights = f"the heights of {named.file.name} are in {named.numbers_in}"
+        wrong(f"has no unit, and {heights}: add the unit, as L: 100 um", "surface.L")
     if named and unit is None and any(text and text.sides for text in descriptions):
-        wrong(
-            f"missing: {named.file} has no unit of its coordinates, heights are in {named.numbers_in}", "surface.unit"
-        )
+        message = f"missing: {named.file} has no unit of its coordinates, heights are in {named.numbers_in}"
+        wrong(message, "surface.unit")
     return unit
 
 
-def _sides(
-    L: float | None, description: Description | None, unit: str | None, periodic: bool
-) -> tuple[float, float] | None:
+def _sides(surface: HeightFile, description: Description | None, unit: str | None) -> tuple[float, float] | None:
     """Return the lengths of both axes in the unit of all lengths. A period is one pixel longer than its nodes."""
     if description is None or description.sides is None:
         return None
     x, y = description.sides
-    if periodic:
+    if surface.periodic:
         x, y = (side * nodes / (nodes - 1) for side, nodes in zip((x, y), description.shape, strict=True))
     scale = factor(description.unit, unit) if description.unit and unit else 1.0
-    if description.counted and L is not None:
-        scale = L / x
+    if description.counted and surface.L is not None:
+        scale = surface.L / x
     return x * scale, y * scale
 
 
-def _agrees(
-    L: float,
-    unit: str | None,
-    description: Description | None,
-    body: Body,
-    sides: tuple[float, float] | None,
-    periodic: bool,
-) -> None:
-    """Refuse an L that differs from the length in the file."""
-    if description is None or description.sides is None or sides is None or abs(L - sides[0]) <= SAME * sides[0]:
+def _agrees(L: float, unit: str | None, description: Description, file: Path, side: float, periodic: bool) -> None:
+    """Refuse an L that differs from the length of the first axis in the file."""
+    if description.sides is None or abs(L - side) <= SAME * side:
         return
     own = f"{description.sides[0]:.6g} {description.unit or unit or ''}".rstrip()
     given = f"{number_text(float(L))} {unit or ''}".rstrip()
-    message = f"is {given}, but {body.file} gives {own} ({description.source})"
+    message = f"is {given}, but {file} gives {own} ({description.source})"
     nodes = description.shape[0]
     if periodic:
-        message += f" between its outer nodes, so a period of {number_text(float(f'{sides[0]:.6g}'))}"
-    elif abs(L - sides[0] * nodes / (nodes - 1)) <= SAME * L:
+        message += f" between its outer nodes, so a period of {number_text(float(f'{side:.6g}'))}"
+    elif abs(L - side * nodes / (nodes - 1)) <= SAME * L:
         message += f": L is the length between the outer of its {nodes} nodes, {nodes - 1} pixels"
     wrong(f"{message}; omit L, or give header: ignore if the file is wrong", "surface.L")
 
@@ -174,9 +153,8 @@ def _notes(L: float, unit: str | None, descriptions: list[Description | None], b
         notes.append("the coordinates in the file count nodes and have no unit: is L right?")
     shape = texts[0].shape if texts else None
     if unit and L * METRES[unit] > LONGEST:
-        notes.append(
-            f"L = {L:.6g} {unit} is longer than {LONGEST:g} m, too long for a scan of roughness: is the unit right?"
-        )
+        doubt = f"longer than {LONGEST:g} m, too long for a scan of roughness: is the unit right?"
+        notes.append(f"L = {L:.6g} {unit} is {doubt}")
     if unit and shape and L / (shape[0] - 1) * METRES[unit] < FINEST:
         notes.append(f"the spacing is {L / (shape[0] - 1):.3g} {unit}, less than an atom: is the unit right?")
     return tuple(notes)
@@ -192,21 +170,17 @@ def _digest(path: Path, key: str) -> str:
 
 def _described(body: HeightFile | CounterBody, sha256: str, key: str) -> Description | None:
     """Return size and units of a file, without those the study ignores; None for a format without."""
-    path = Path(body.file)
-    if path.suffix.lower() in BARE_FORMATS:  # no import of numpy for these
+    if Path(body.file).suffix.lower() in BARE_FORMATS:  # no import of numpy for these
         return None
     ignored = body.header == "ignore"
-    try:
-        description = _description(path, sha256, body.variable, body.columns, ignored)
-    except (DatasetError, SurfaceError) as error:
-        wrong(str(error), f"{key}.file")
+    description = _read(body, sha256, key, ignored=ignored)
     return replace(description, sides=None, unit=None, heights_unit=None) if ignored else description
 
 
-def _shape(body: Body, key: str) -> tuple[int, int]:
-    """Return the nodes of a file without size and units."""
+def _read(body: HeightFile | CounterBody | Body, sha256: str, key: str, *, ignored: bool) -> Description:
+    """Return nodes, size and units of a file; with ``ignored`` its size and units are not read."""
     try:
-        return _description(body.file, body.sha256, body.variable, body.columns, ignored=True).shape
+        return _description(Path(body.file), sha256, body.variable, body.columns, ignored)
     except (DatasetError, SurfaceError) as error:
         wrong(str(error), f"{key}.file")
 

@@ -33,8 +33,8 @@ from roughvol.errors import Problem, StudyError
 from roughvol.study.plain_data import Arguments, KeyPath, Reading, UnreadableError, key_text, write
 from roughvol.study.python_data import plain, text_of_value
 from roughvol.study.sections.material import ContactModulus, YoungPoisson
-from roughvol.study.sections.strict import Strict
-from roughvol.study.validation import in_words
+from roughvol.study.sections.strict import Strict, names, optional
+from roughvol.study.validation import in_words, models_of
 from roughvol.study.values.types import Positive, refuse
 from roughvol.study.values.units import In, convert, in_unit, read, unit_of
 
@@ -69,8 +69,8 @@ class Table(Strict):
     """Compliances or moduli at given times."""
 
     times: list[Time] = Field(min_length=2, description="times, rising, as 1 s")
-    ratios: list[Positive] | None = Field(default=None, description="J(t)/J(0), >= 1, not falling")
-    moduli: list[Modulus] | None = Field(default=None, description="1/J(t), not rising, with units")
+    ratios: list[Positive] | None = optional("J(t)/J(0), >= 1, not falling")
+    moduli: list[Modulus] | None = optional("1/J(t), not rising, with units")
 
     @model_validator(mode="after")
     def _orders(self) -> Table:
@@ -93,15 +93,14 @@ class Table(Strict):
 class Creep(Strict):
     """A creep law."""
 
-    prony: Prony | None = Field(default=None, description="{shares, times}: 1 + sum of shares (1 - exp(-t/times))")
-    power: Power | None = Field(default=None, description="{exponent, time}: 1 + (t/time)^exponent")
-    table: Table | None = Field(default=None, description="{times, ratios} or {times, moduli}")
-    body: Literal["first", "second", "both"] | None = Field(
-        default=None, description="the body that creeps, for a study with material.against; second is against"
+    prony: Prony | None = optional("{shares, times}: 1 + sum of shares (1 - exp(-t/times))")
+    power: Power | None = optional("{exponent, time}: 1 + (t/time)^exponent")
+    table: Table | None = optional("{times, ratios} or {times, moduli}")
+    body: Literal["first", "second", "both"] | None = optional(
+        "the body that creeps, for a study with material.against; second is against"
     )
-    share: Annotated[float, Field(gt=0, le=1)] | None = Field(
-        default=None,
-        description="share of 1/E* that creeps, 0 < share <= 1, for a study with material.E_star; default: 1",
+    share: Annotated[float, Field(gt=0, le=1)] | None = optional(
+        "share of 1/E* that creeps, 0 < share <= 1, for a study with material.E_star; default: 1"
     )
 
     @model_validator(mode="after")
@@ -209,10 +208,8 @@ def load_creep(given: str | Path | Mapping[str, Any]) -> Creep:
     problems: dict[KeyPath, str] = {}
     file, arguments = ("", ARGUMENTS) if isinstance(given, Mapping) else (str(given), None)
     try:
-        if isinstance(given, Mapping):
-            law = Creep.model_validate(reading.read(write(plain(given, problems))))
-        else:
-            law = Creep.model_validate(reading.read(Path(given).read_text(encoding="utf-8")))
+        text = write(plain(given, problems)) if isinstance(given, Mapping) else Path(given).read_text(encoding="utf-8")
+        law = Creep.model_validate(reading.read(text))
     except (OSError, UnicodeDecodeError) as error:
         raise StudyError([Problem(f"cannot read the creep law: {error}", file=file)]) from error
     except UnreadableError as error:
@@ -229,8 +226,7 @@ def _message(item: Any) -> str:
     """Return one error of pydantic in plain words."""
     if item["type"] != "extra_forbidden":
         return in_words(item)
-    form: Any = {"prony": Prony, "power": Power, "table": Table}.get(item["loc"][0], Creep)
-    return f"unknown key; allowed: {', '.join((form if item['loc'][1:] else Creep).model_fields)}"
+    return f"unknown key; allowed: {', '.join(names(*models_of(Creep)[item['loc'][:-1]]))}"
 
 
 def read_times(times: Any) -> list[float]:

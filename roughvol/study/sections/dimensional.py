@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import (
-    ConfigDict,
-    Field,
-    model_validator,
-)
+from pydantic import Field, model_validator
 
-from roughvol.study.sections.strict import Choice, Strict
+from roughvol.study.sections.strict import Choice, Strict, default, optional
 from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
 from roughvol.study.values.types import Positive, refuse
-from roughvol.study.values.units import In, convert, in_unit, unit_name, unit_of
+from roughvol.study.values.units import In, LengthUnit, Viscosity, convert, in_unit, unit_name, unit_of
 
 
 class LeakRate(Strict):
@@ -22,10 +18,8 @@ class LeakRate(Strict):
     pressure_drop: Annotated[Positive, In("pressure", needed=True)] = Field(
         description="pressure difference between two sides of the region, > 0, with its unit as 1 bar"
     )
-    viscosity: Annotated[Positive, In("viscosity", needed=True)] = Field(
-        description="dynamic viscosity, > 0, with its unit as 1 mPa*s"
-    )
-    unit: Annotated[str, unit_name("flow")] = Field(default="mm^3/s", description="unit of the leak rate, as mm^3/s")
+    viscosity: Viscosity = Field(description="dynamic viscosity, > 0, with its unit as 1 mPa*s")
+    unit: Annotated[str, unit_name("flow")] = default("mm^3/s", "unit of the leak rate, as mm^3/s")
 
     @property
     def drive(self) -> float:
@@ -41,36 +35,23 @@ class LeakRate(Strict):
 class Dimensional(Choice):
     """Quantities stored with a unit beside the starred value. They need no further solution."""
 
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+    EMPTY = "must name at least one of {known}"
 
-    pressure: Annotated[str, unit_name("pressure")] | None = Field(
-        default=None, description="store the nominal contact pressure p* E* Sq/L in this unit, as MPa"
+    pressure: Annotated[str, unit_name("pressure")] | None = optional(
+        "store the nominal contact pressure p* E* Sq/L in this unit, as MPa"
     )
-    free_volume: Annotated[str, unit_name("volume per area")] | None = Field(
-        default=None, description="store the free volume over the nominal area in this unit, as mm^3/m^2"
+    free_volume: Annotated[str, unit_name("volume per area")] | None = optional(
+        "store the free volume over the nominal area in this unit, as mm^3/m^2"
     )
-    mean_gap: Annotated[str, unit_name("length")] | None = Field(
-        default=None, description="store the mean gap V* Sq in this unit, as um"
+    mean_gap: LengthUnit | None = optional("store the mean gap V* Sq in this unit, as um")
+    separation: LengthUnit | None = optional("store the separation d of the mean planes in this unit, as um")
+    critical_gap: LengthUnit | None = optional("store the critical gaps along x and y in this unit, as um")
+    leak_rate: LeakRate | None = optional(
+        "store the leak rates along x and y: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit}"
     )
-    separation: Annotated[str, unit_name("length")] | None = Field(
-        default=None, description="store the separation d of the mean planes in this unit, as um"
+    gas_leak_rate: Annotated[str, unit_name("throughput")] | None = optional(
+        "store the leak rates of the gas (section fluid) in this unit, as mbar*l/s or sccm"
     )
-    critical_gap: Annotated[str, unit_name("length")] | None = Field(
-        default=None, description="store the critical gaps along x and y in this unit, as um"
-    )
-    leak_rate: LeakRate | None = Field(
-        default=None, description="store the leak rates along x and y: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit}"
-    )
-    gas_leak_rate: Annotated[str, unit_name("throughput")] | None = Field(
-        default=None,
-        description="store the leak rates of the gas (section fluid) in this unit, as mbar*l/s or sccm",
-    )
-
-    @model_validator(mode="after")
-    def _asks_for_something(self) -> Dimensional:
-        if not self.named:
-            refuse("must name at least one of {known}", known=", ".join(type(self).model_fields))
-        return self
 
 
 class FluidPressure(Strict):
@@ -79,16 +60,15 @@ class FluidPressure(Strict):
     inlet: Annotated[Positive, In("pressure")] = Field(
         description="fluid pressure at the inlet, > 0, over that around: in the unit of p*, or as 5 bar"
     )
-    outlet: Annotated[float, Field(ge=0), In("pressure")] = Field(
-        default=0.0, description="fluid pressure at the outlet, 0 <= outlet < inlet: in the unit of p*, or as 1 bar"
+    outlet: Annotated[float, Field(ge=0), In("pressure")] = default(
+        0.0, "fluid pressure at the outlet, 0 <= outlet < inlet: in the unit of p*, or as 1 bar"
     )
-    coupling: Literal["one-way", "full"] = Field(
-        default="full",
-        description="'one-way': the fluid pressure of the dry gap changes the gap once; 'full': until gap and fluid "
-        "pressure agree",
+    coupling: Literal["one-way", "full"] = default(
+        "full",
+        "'one-way': the fluid pressure of the dry gap changes the gap once; 'full': until gap and fluid pressure agree",
     )
-    at: Selector = Field(default=Select(), description=f"states, each at its load: {IN_WORDS}")
-    fields: bool = Field(default=False, description="store the lifted gaps, fluid_gap: true or false")
+    at: Selector = default(Select(), f"states, each at its load: {IN_WORDS}")
+    fields: bool = default(False, "store the lifted gaps, fluid_gap: true or false")
 
     @model_validator(mode="after")
     def _falls(self) -> FluidPressure:

@@ -17,8 +17,9 @@ from pydantic import (
 )
 
 from roughvol.study.plain_data import number_text
-from roughvol.study.sections.strict import Choice, refuse_at
-from roughvol.study.values.state_kinds import LISTS, STARRED, Level
+from roughvol.study.sections.strict import Choice, default, optional, refuse_at
+from roughvol.study.sections.sweep import Levels, levels_of
+from roughvol.study.values.state_kinds import LISTS, STARRED
 from roughvol.study.values.types import AreaFraction, Many, Positive, Seed, Word, refuse
 from roughvol.study.values.units import Written
 
@@ -121,38 +122,33 @@ HalfWidth = Annotated[
 Time = Annotated[
     Budget, PlainValidator(_budget), PlainSerializer(plain_form), WithJsonSchema(_text_schema(tuple(SECONDS)))
 ]
-_HOW = "half-width of the 95 % interval of its mean, relative as 1 % or absolute as 0.01"
+
+
+def _mean(quantity: str) -> Any:
+    """Return the field of the accuracy of a mean."""
+    return optional(f"{quantity}: half-width of the 95 % interval of its mean, relative as 1 % or absolute as 0.01")
 
 
 class Accuracies(Choice):
     """The quantities to average, each with the accuracy of its mean; other names are those of ``record.own``."""
 
-    model_config = ConfigDict(extra="allow", json_schema_extra={"minProperties": 1})
+    model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, HalfWidth]
+    EMPTY = "names no quantity: {known}"
 
-    free_volume: HalfWidth | None = Field(default=None, description=f"V*: {_HOW}")
-    contact_area: HalfWidth | None = Field(default=None, description=f"A*: {_HOW}")
-    pressure: HalfWidth | None = Field(default=None, description=f"p*: {_HOW}")
-    separation: HalfWidth | None = Field(default=None, description=f"d/σ: {_HOW}")
-    indentation: HalfWidth | None = Field(default=None, description=f"Δ/σ: {_HOW}")
-    connected_volume_fraction: HalfWidth | None = Field(
-        default=None, description=f"free volume connected to a side over all; record.transport.percolation: {_HOW}"
+    free_volume: HalfWidth | None = _mean("V*")
+    contact_area: HalfWidth | None = _mean("A*")
+    pressure: HalfWidth | None = _mean("p*")
+    separation: HalfWidth | None = _mean("d/σ")
+    indentation: HalfWidth | None = _mean("Δ/σ")
+    connected_volume_fraction: HalfWidth | None = _mean(
+        "free volume connected to a side over all; record.transport.percolation"
     )
-    transmissivity: HalfWidth | None = Field(
-        default=None, description=f"T*, mean of both axes; record.transport.transmissivity: {_HOW}"
-    )
-    log_leak_rate: HalfWidth | None = Field(
-        default=None, description=f"log10(T* V*^3), mean of both axes; record.transport.transmissivity: {_HOW}"
-    )
-    percolation_pressure: HalfWidth | None = Field(
-        default=None, description=f"p* at which no way is left along x or y; sweep.to: percolation: {_HOW}"
-    )
-    percolation_pressure_x: HalfWidth | None = Field(
-        default=None, description=f"p* at which no way is left along x; sweep.to: {{percolation: x}}: {_HOW}"
-    )
-    percolation_pressure_y: HalfWidth | None = Field(
-        default=None, description=f"p* at which no way is left along y; sweep.to: {{percolation: y}}: {_HOW}"
-    )
+    transmissivity: HalfWidth | None = _mean("T*, mean of both axes; record.transport.transmissivity")
+    log_leak_rate: HalfWidth | None = _mean("log10(T* V*^3), mean of both axes; record.transport.transmissivity")
+    percolation_pressure: HalfWidth | None = _mean("p* at which no way is left along x or y; sweep.to: percolation")
+    percolation_pressure_x: HalfWidth | None = _mean("p* at which no way is left along x; sweep.to: {percolation: x}")
+    percolation_pressure_y: HalfWidth | None = _mean("p* at which no way is left along y; sweep.to: {percolation: y}")
 
     @model_validator(mode="before")
     @classmethod
@@ -171,36 +167,18 @@ class Accuracies(Choice):
         """Names of quantities of the user."""
         return list(self.model_extra or {})
 
-    @model_validator(mode="after")
-    def _not_empty(self) -> Accuracies:
-        if not self.named:
-            refuse("names no quantity: {known}", known=", ".join(type(self).model_fields))
-        return self
-
     @model_serializer
     def _plain(self) -> Any:
         return {name: plain_form(value) for name, value in self.named.items()}
 
 
-class States(Choice):
+class States(Levels):
     """The states of the means: the last step, or levels of one or more quantities."""
 
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
-
-    pressure: Many[Positive] = Field(default_factory=tuple, description="levels of p* > 0")
-    separation: Many[float] = Field(default_factory=tuple, description="levels of d/σ")
-    contact_area: Many[AreaFraction] = Field(default_factory=tuple, description="levels of A*, 0 < A* <= 1")
-    indentation: Many[Positive] = Field(default_factory=tuple, description="levels of Δ/σ > 0")
-
-    @model_serializer
-    def _plain(self) -> Any:
-        return {kind: list(values) for kind, values in self.named.items()} or "last"
-
-    @property
-    def levels(self) -> tuple[Level, ...]:
-        """All states; ``Level("last")`` alone if none is named."""
-        levels = (Level(kind, value) for kind, values in self.named.items() for value in values)
-        return tuple(levels) or (Level("last"),)
+    pressure: Many[Positive] = levels_of("p* > 0")
+    separation: Many[float] = levels_of("d/σ")
+    contact_area: Many[AreaFraction] = levels_of("A*, 0 < A* <= 1")
+    indentation: Many[Positive] = levels_of("Δ/σ > 0")
 
 
 class Ensemble(Choice):
@@ -209,12 +187,11 @@ class Ensemble(Choice):
     accuracy: Accuracies = Field(
         description="{free_volume: 1 %}: each quantity, or name of record.own, with the half-width of its 95 % interval"
     )
-    at: Annotated[States, Word("last")] = Field(
-        default=States(),
-        description="'last', or levels of pressure, separation, contact_area, indentation at which the means are taken",
+    at: Annotated[States, Word("last")] = default(
+        States(), "'last', or levels of pressure, separation, contact_area, indentation at which the means are taken"
     )
-    budget: Time | None = Field(default=None, description="time after which no further samples begin, as 10 min")
-    first_seed: Seed = Field(default=0, description="first seed; another one gives an independent answer")
+    budget: Time | None = optional("time after which no further samples begin, as 10 min")
+    first_seed: Seed = default(0, "first seed; another one gives an independent answer")
 
     @model_serializer
     def _plain(self) -> Any:

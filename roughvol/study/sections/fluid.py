@@ -15,9 +15,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from roughvol.study.plain_data import number_text
-from roughvol.study.sections.strict import Strict
+from roughvol.study.sections.strict import Strict, default
 from roughvol.study.values.types import Positive, refuse
-from roughvol.study.values.units import In, convert, counts_substance, in_unit
+from roughvol.study.values.units import In, Viscosity, convert, counts_substance, in_unit
 from roughvol.surfaces.length_units import METRES
 
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact since 2019
@@ -53,7 +53,7 @@ LAWS = Literal["kinetic", "slip", "viscous"]
 class OwnGas(Strict):
     """A gas by viscosity and molar mass."""
 
-    viscosity: Annotated[Positive, In("viscosity", needed=True)] = Field(
+    viscosity: Viscosity = Field(
         description="dynamic viscosity at the temperature of the study, > 0, with its unit as 18 uPa*s"
     )
     molar_mass: Annotated[Positive, In("molar mass", needed=True)] = Field(
@@ -100,9 +100,9 @@ class Fluid(Strict):
     temperature: Annotated[float, In("temperature", needed=True), AfterValidator(_above_zero)] = Field(
         default="293.15 K", validate_default=True, description="temperature of the gas, > 0 K, as 293 K or 20 degC"
     )
-    law: LAWS = Field(
-        default="kinetic",
-        description="conductance of an element: 'kinetic' (all Knudsen numbers, Fukui & Kaneko 1990), 'slip' "
+    law: LAWS = default(
+        "kinetic",
+        "conductance of an element: 'kinetic' (all Knudsen numbers, Fukui & Kaneko 1990), 'slip' "
         "(g^3 + 6 lambda g^2) or 'viscous' (g^3)",
     )
 

@@ -5,6 +5,7 @@ Sizes and units in a file are read when the cases are made, see `sections.agreem
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import itertools
 from collections.abc import Mapping
@@ -15,16 +16,16 @@ from pydantic import (
     AfterValidator,
     BeforeValidator,
     Field,
+    PlainSerializer,
     SerializationInfo,
     ValidationInfo,
-    field_serializer,
     field_validator,
     model_serializer,
     model_validator,
 )
 
 from roughvol.study.plain_data import number_text, printable
-from roughvol.study.sections.strict import Strict, refuse_at
+from roughvol.study.sections.strict import Strict, default, optional, refuse_at
 from roughvol.study.sections.surface import SIDES, UNIT, Sized
 from roughvol.study.values.types import as_tuple, refuse, two
 from roughvol.study.values.units import HeightsUnit, In, Length, LengthUnit, unit_of
@@ -79,15 +80,10 @@ def _located(value: str, info: ValidationInfo) -> str:
         return Located(value, value)
     path = (context.get("folder", Path()) / value).absolute()
     if path.suffix.lower() not in HEIGHT_FORMATS and importlib.util.find_spec("SurfaceTopography") is None:
-        refuse(
-            "must end in one of {known}; for files of instruments: pip install '{extra}'",
-            known=" ".join(HEIGHT_FORMATS),
-            extra=EXTRA,
-        )
-    try:
+        refuse(f"must end in one of {' '.join(HEIGHT_FORMATS)}; for files of instruments: pip install '{EXTRA}'")
+    exists = False
+    with contextlib.suppress(OSError, ValueError):  # a name too long, a folder without access
         exists = path.is_file()
-    except (OSError, ValueError):  # a name too long, a folder without access
-        exists = False
     if not exists and not context.get(ABSENT):
         refuse(NO_FILE, path=printable(str(path)))
     return Located(str(path), value)
@@ -130,6 +126,10 @@ def _path_text(value: str, info: SerializationInfo) -> str:
     return value.portable if stored and isinstance(value, Located) else str(value)
 
 
+WrittenPath = Annotated[str, PlainSerializer(_path_text)]
+HeightPath = Annotated[WrittenPath, AfterValidator(_located)]
+
+
 def _number(value: Any) -> Any:
     """Return the number of a channel as text, other values unchanged."""
     return str(value) if isinstance(value, int) and not isinstance(value, bool) and value >= 0 else value
@@ -164,105 +164,83 @@ Part = Annotated[tuple[Position, Position], two("positions"), AfterValidator(_al
 class Crop(Strict):
     """A rectangle of a measured map, as shares of its sides or lengths with a unit."""
 
-    x: Part = Field(
-        default=(0.0, 1.0),
-        description="[from, to] along the first axis: shares 0 <= from < to <= 1, or lengths as [10 um, 30 um]",
+    x: Part = default(
+        (0.0, 1.0), "[from, to] along the first axis: shares 0 <= from < to <= 1, or lengths as [10 um, 30 um]"
     )
-    y: Part = Field(
-        default=(0.0, 1.0),
-        description="[from, to] along the second axis: shares 0 <= from < to <= 1, or lengths as [10 um, 30 um]",
+    y: Part = default(
+        (0.0, 1.0), "[from, to] along the second axis: shares 0 <= from < to <= 1, or lengths as [10 um, 30 um]"
     )
 
 
 class Outliers(Strict):
     """Single heights far from the median of their neighbourhood."""
 
-    sigma: Annotated[float, Field(ge=3, le=1000)] = Field(
-        default=6.0, description="distance from the local median in robust standard deviations of the map, 3 to 1000"
+    sigma: Annotated[float, Field(ge=3, le=1000)] = default(
+        6.0, "distance from the local median in robust standard deviations of the map, 3 to 1000"
     )
-    window: Annotated[int, Field(ge=3, le=101), AfterValidator(_odd)] = Field(
-        default=5, description="nodes a side of the neighbourhood, odd, 3 to 101"
+    window: Annotated[int, Field(ge=3, le=101), AfterValidator(_odd)] = default(
+        5, "nodes a side of the neighbourhood, odd, 3 to 101"
     )
 
 
 class CounterBody(Strict):
     """The second of two rough bodies, on the same lattice as the first."""
 
-    file: str = Field(description=_FILE + "; heights positive out of its own body")
-    variable: Variable | None = Field(default=None, description=_VARIABLE)
-    heights_unit: HeightsUnit | None = Field(default=None, description=_HEIGHTS_UNIT + "; default: that of the first")
-    columns: Columns | None = Field(default=None, description=_COLUMNS)
-    header: Header | None = Field(default=None, description=_HEADER)
-    mirror: Mirror = Field(
-        default="none",
-        description="'none': node [i, j] faces node [i, j] of the first; 'x' or 'y': first or second axis reversed, as "
+    file: HeightPath = Field(description=_FILE + "; heights positive out of its own body")
+    variable: Variable | None = optional(_VARIABLE)
+    heights_unit: HeightsUnit | None = optional(_HEIGHTS_UNIT + "; default: that of the first")
+    columns: Columns | None = optional(_COLUMNS)
+    header: Header | None = optional(_HEADER)
+    mirror: Mirror = default(
+        "none",
+        "'none': node [i, j] faces node [i, j] of the first; 'x' or 'y': first or second axis reversed, as "
         "for two scans from above, one body turned over",
     )
-
-    _file = field_validator("file")(_located)
-    _text = field_serializer("file")(_path_text)
 
 
 class HeightFile(Sized):
     """A surface from a height file, or the sum of two that face each other."""
 
-    file: str = Field(description=_FILE)
-    files: Annotated[tuple[str, ...], BeforeValidator(as_tuple)] = Field(
-        default=(),
-        description="instead of file: a pattern as scans/*.al3d, or a list of files, each a case of its own; all of "
+    file: HeightPath = Field(description=_FILE)
+    files: Annotated[tuple[WrittenPath, ...], BeforeValidator(as_tuple)] = default(
+        (),
+        "instead of file: a pattern as scans/*.al3d, or a list of files, each a case of its own; all of "
         "one length and unit",
     )
-    L: Length | None = Field(
-        default=None,
-        description="length of the first axis, L > 0, with its unit or in that of the heights; default: size in the "
-        "file, with which it must agree",
+    L: Length | None = optional(
+        "length of the first axis, L > 0, with its unit or in that of the heights; default: size in the "
+        "file, with which it must agree"
     )
-    variable: Variable | None = Field(default=None, description=_VARIABLE)
-    unit: LengthUnit | None = Field(
-        default=None, description=f"{UNIT}, or that of the file; heights in other units are converted"
+    variable: Variable | None = optional(_VARIABLE)
+    unit: LengthUnit | None = optional(f"{UNIT}, or that of the file; heights in other units are converted")
+    heights_unit: HeightsUnit | None = optional(_HEIGHTS_UNIT + "; default: that of L")
+    columns: Columns | None = optional(_COLUMNS)
+    header: Header | None = optional(_HEADER)
+    crop: Crop | None = optional(
+        "{x: [from, to], y: [from, to]}: part of the map to press, as shares of its sides or lengths "
+        "with a unit; L is that of the whole map"
     )
-    heights_unit: HeightsUnit | None = Field(default=None, description=_HEIGHTS_UNIT + "; default: that of L")
-    columns: Columns | None = Field(default=None, description=_COLUMNS)
-    header: Header | None = Field(default=None, description=_HEADER)
-    crop: Crop | None = Field(
-        default=None,
-        description="{x: [from, to], y: [from, to]}: part of the map to press, as shares of its sides or lengths "
-        "with a unit; L is that of the whole map",
+    outliers: Outliers | None = optional("{sigma, window}: remove single spikes; {}: 6 and 5 nodes")
+    downsample: Annotated[int, Field(ge=1, le=1000)] = default(
+        1, "side in nodes of block means, 1 to 1000; 1 keeps every node"
     )
-    outliers: Outliers | None = Field(
-        default=None,
-        description="{sigma, window}: remove single spikes; {}: 6 and 5 nodes",
+    resample: Resampling = default("none", "'none', or 'square': interpolate oblong pixels onto square ones")
+    level: Levelling = default(
+        "none", "least-squares surface subtracted from the known heights: 'none', 'mean', plane ('tilt') or 'quadratic'"
     )
-    downsample: Annotated[int, Field(ge=1, le=1000)] = Field(
-        default=1, description="side in nodes of block means, 1 to 1000; 1 keeps every node"
-    )
-    resample: Resampling = Field(
-        default="none",
-        description="'none', or 'square': interpolate oblong pixels onto square ones",
-    )
-    level: Levelling = Field(
-        default="none",
-        description="least-squares surface subtracted from the known heights: 'none', 'mean', plane ('tilt') or "
-        "'quadratic'",
-    )
-    missing: Missing = Field(
-        default="refuse",
-        description="missing heights: 'refuse' the file, take the 'nearest' known one, or 'interpolate' (each the mean "
+    missing: Missing = default(
+        "refuse",
+        "missing heights: 'refuse' the file, take the 'nearest' known one, or 'interpolate' (each the mean "
         "of its neighbours)",
     )
-    low_pass: Length | None = Field(
-        default=None,
-        description="cut-off wavelength of a Gaussian low-pass filter (ISO 16610-61), with its unit or in that of L, "
-        "from twice the spacing to the shorter side; default: no filter",
+    low_pass: Length | None = optional(
+        "cut-off wavelength of a Gaussian low-pass filter (ISO 16610-61), with its unit or in that of L, "
+        "from twice the spacing to the shorter side; default: no filter"
     )
-    sides: Sides = Field(default="mirrored", description=SIDES)
-    against: CounterBody | None = Field(
-        default=None,
-        description="{file, variable, mirror}: the second of two rough bodies; heights are added",
+    sides: Sides = default("mirrored", SIDES)
+    against: CounterBody | None = optional(
+        "{file, variable, mirror}: the second of two rough bodies; heights are added"
     )
-
-    _file = field_validator("file")(_located)
-    _text = field_serializer("file")(_path_text)
 
     @model_validator(mode="before")
     @classmethod
@@ -283,10 +261,6 @@ class HeightFile(Sized):
         if twice := sorted({name for name in names if names.count(name) > 1}):
             refuse("two files have one name, and cases are labelled by it: {names}", names=", ".join(twice))
         return found
-
-    @field_serializer("files")
-    def _texts(self, value: tuple[str, ...], info: SerializationInfo) -> list[str]:
-        return [_path_text(file, info) for file in value]
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> Any:

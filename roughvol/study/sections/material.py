@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field, model_validator
 
 from roughvol.study.sections.solver import NamedKernel
-from roughvol.study.sections.strict import Strict
+from roughvol.study.sections.strict import Strict, default, optional
 from roughvol.study.values.types import refuse
 from roughvol.study.values.units import Conductivity, Length, Pressure, in_unit, unit_of
 
@@ -52,10 +52,10 @@ class Material(Strict):
 class ContactModulus(Material):
     """The material by its contact modulus E*; starred results of elastic contact do not depend on it."""
 
-    E_star: Pressure = Field(default=1.0, description="contact modulus E/(1-nu^2), > 0, as 1 or 100 GPa")
-    hardness: Pressure | None = Field(default=None, description=_HARDNESS)
-    plastic: bool = Field(default=True, description=_PLASTIC)
-    conductivity: Conductivities | None = Field(default=None, description=_CONDUCTIVITY)
+    E_star: Pressure = default(1.0, "contact modulus E/(1-nu^2), > 0, as 1 or 100 GPa")
+    hardness: Pressure | None = optional(_HARDNESS)
+    plastic: bool = default(True, _PLASTIC)
+    conductivity: Conductivities | None = optional(_CONDUCTIVITY)
 
     @property
     def contact_modulus(self) -> float:
@@ -80,16 +80,15 @@ class YoungPoisson(Material):
 
     E: Pressure = Field(description="Young's modulus, > 0, as 1 or 210 GPa")
     nu: PoissonRatio = Field(description="Poisson's ratio, -1 < nu <= 0.5")
-    against: CounterMaterial | None = Field(
-        default=None, description="{E, nu} of the other body: 1/E* = (1-nu^2)/E + (1-nu2^2)/E2; default: rigid"
+    against: CounterMaterial | None = optional(
+        "{E, nu} of the other body: 1/E* = (1-nu^2)/E + (1-nu2^2)/E2; default: rigid"
     )
-    thickness: Length | None = Field(
-        default=None,
-        description="thickness of an elastic layer bonded to a rigid base, > 0, as 50 um; default: a half space",
+    thickness: Length | None = optional(
+        "thickness of an elastic layer bonded to a rigid base, > 0, as 50 um; default: a half space"
     )
-    hardness: Pressure | None = Field(default=None, description=_HARDNESS)
-    plastic: bool = Field(default=True, description=_PLASTIC)
-    conductivity: Conductivities | None = Field(default=None, description=_CONDUCTIVITY)
+    hardness: Pressure | None = optional(_HARDNESS)
+    plastic: bool = default(True, _PLASTIC)
+    conductivity: Conductivities | None = optional(_CONDUCTIVITY)
 
     @property
     def contact_modulus(self) -> float:

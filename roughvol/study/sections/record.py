@@ -9,7 +9,6 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     BeforeValidator,
-    ConfigDict,
     Discriminator,
     Field,
     PlainSerializer,
@@ -22,11 +21,11 @@ from pydantic import (
 
 from roughvol.study.plain_data import KeyPath, number_text
 from roughvol.study.sections.dimensional import Dimensional, FluidPressure, LeakRate
-from roughvol.study.sections.strict import Choice, Strict, models_in
+from roughvol.study.sections.strict import Choice, Strict, default, optional
 from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
 from roughvol.study.values.own import OwnQuantity, own
 from roughvol.study.values.state_kinds import STATE_KINDS, Level
-from roughvol.study.values.types import AreaFraction, Fraction, Many, Switch, Whole, Word, refuse, two
+from roughvol.study.values.types import WHOLE, AreaFraction, Fraction, Many, Switch, Word, refuse, two
 from roughvol.study.values.units import unit_of
 
 
@@ -52,32 +51,30 @@ FlowAccuracy = Annotated[
 class BoxCounting(Strict):
     """Box counting of the domains v <= threshold × max(v)."""
 
-    at: Selector = Field(default=Select(), description=f"states: {IN_WORDS}")
-    thresholds: Many[Fraction] = Field(
-        default=(0.0, 0.1, 0.25, 0.5, 1.0), description="fractions of the largest element volume, 0 to 1; a list"
+    at: Selector = default(Select(), f"states: {IN_WORDS}")
+    thresholds: Many[Fraction] = default(
+        (0.0, 0.1, 0.25, 0.5, 1.0), "fractions of the largest element volume, 0 to 1; a list"
     )
 
 
 class VolumeDensity(Strict):
     """The density f(v) of the free volume per element."""
 
-    bins: Annotated[Whole, Field(ge=1, le=10_000)] = Field(default=50, description="number of bins, 1 to 10000")
-    at: Selector = Field(default=Select(), description=f"states: {IN_WORDS}")
-    include_contact: bool = Field(default=False, description="include elements in contact (v = 0): true or false")
+    bins: Annotated[int, Field(ge=1, le=10_000), WHOLE] = default(50, "number of bins, 1 to 10000")
+    at: Selector = default(Select(), f"states: {IN_WORDS}")
+    include_contact: bool = default(False, "include elements in contact (v = 0): true or false")
 
 
 class Texture(Strict):
     """The texture before load, and of the deformed surface under load."""
 
-    at: Selector = Field(default=Select(), description=f"the states under load to take it at: {IN_WORDS}")
+    at: Selector = default(Select(), f"the states under load to take it at: {IN_WORDS}")
 
 
 class Psd(Strict):
     """The spectrum before load, and of the deformed surface where states are named."""
 
-    at: Selector | None = Field(
-        default=None, description=f"states under load to take it at: {IN_WORDS}; default: before load alone"
-    )
+    at: Selector | None = optional(f"states under load to take it at: {IN_WORDS}; default: before load alone")
 
     @model_serializer
     def _plain(self) -> Any:
@@ -109,35 +106,22 @@ _WHEN = f"'{EVERY_STEP}', {IN_WORDS}"
 class Transport(Choice):
     """Quantities of the void between the surfaces, each with its states."""
 
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
-
-    percolation: States | None = Field(
-        default=None, description=f"percolation, connected and trapped volume, clusters, pockets: {_WHEN}"
+    percolation: States | None = optional(f"percolation, connected and trapped volume, clusters, pockets: {_WHEN}")
+    constriction: States | None = optional(f"critical gap and its position, x and y: {_WHEN}")
+    transmissivity: States | None = optional(f"flow of div(g^3 grad P) = 0, x and y: {_WHEN}")
+    quadrants: States | None = optional(f"flow of div(g^3 grad P) = 0 through the four quadrants, x and y: {_WHEN}")
+    diffusivity: States | None = optional(f"flow of div(g grad P) = 0, x and y: {_WHEN}")
+    cell_transmissivity: States | None = optional(
+        f"flow of div(g^3 grad P) = 0 through the endless plane of a periodic surface: {_WHEN}"
     )
-    constriction: States | None = Field(default=None, description=f"critical gap and its position, x and y: {_WHEN}")
-    transmissivity: States | None = Field(default=None, description=f"flow of div(g^3 grad P) = 0, x and y: {_WHEN}")
-    quadrants: States | None = Field(
-        default=None, description=f"flow of div(g^3 grad P) = 0 through the four quadrants, x and y: {_WHEN}"
+    gas_flow: States | None = optional(f"flow of the gas of the section fluid, x and y, also at flux_at: {_WHEN}")
+    estimates: States | None = optional(f"both coefficients by effective medium and by single junction: {_WHEN}")
+    closing: Annotated[bool | None, AfterValidator(lambda given: given or None)] = optional(
+        "load at which the last way along x and y closes on loading, solved between the steps or beyond: true or false"
     )
-    diffusivity: States | None = Field(default=None, description=f"flow of div(g grad P) = 0, x and y: {_WHEN}")
-    cell_transmissivity: States | None = Field(
-        default=None,
-        description=f"flow of div(g^3 grad P) = 0 through the endless plane of a periodic surface: {_WHEN}",
-    )
-    gas_flow: States | None = Field(
-        default=None, description=f"flow of the gas of the section fluid, x and y, also at flux_at: {_WHEN}"
-    )
-    estimates: States | None = Field(
-        default=None, description=f"both coefficients by effective medium and by single junction: {_WHEN}"
-    )
-    closing: Annotated[bool | None, AfterValidator(lambda given: given or None)] = Field(
-        default=None,
-        description="load at which the last way along x and y closes on loading, solved between the steps or beyond: "
-        "true or false",
-    )
-    flux_at: Selector | None = Field(default=None, description=f"flux of div(g^3 grad P) = 0 as fields: {IN_WORDS}")
-    accuracy: FlowAccuracy | None = Field(
-        default=None, description="allowed relative error of a flow, 1e-12 to 0.1, or as 0.1 %; default: 1e-4"
+    flux_at: Selector | None = optional(f"flux of div(g^3 grad P) = 0 as fields: {IN_WORDS}")
+    accuracy: FlowAccuracy | None = optional(
+        "allowed relative error of a flow, 1e-12 to 0.1, or as 0.1 %; default: 1e-4"
     )
 
     @model_validator(mode="after")
@@ -160,12 +144,8 @@ Span = Annotated[tuple[Fraction, Fraction], two("numbers"), AfterValidator(_risi
 class Region(Strict):
     """A rectangle of the surface, as shares of its sides."""
 
-    x: Span = Field(
-        default=(0.0, 1.0), description="[from, to] along the first axis over its length, 0 <= from < to <= 1"
-    )
-    y: Span = Field(
-        default=(0.0, 1.0), description="[from, to] along the second axis over its length, 0 <= from < to <= 1"
-    )
+    x: Span = default((0.0, 1.0), "[from, to] along the first axis over its length, 0 <= from < to <= 1")
+    y: Span = default((0.0, 1.0), "[from, to] along the second axis over its length, 0 <= from < to <= 1")
 
     @property
     def label(self) -> str:
@@ -180,12 +160,11 @@ class Region(Strict):
 class RegionWidths(Strict):
     """A*, p*, V* and transmissivity inside central squares of several widths, from one solution."""
 
-    shares: Many[AreaFraction] = Field(
-        default=(1.0, 0.75, 0.5, 0.25),
-        description="widths of the central squares over that of the surface, 0 to 1",
+    shares: Many[AreaFraction] = default(
+        (1.0, 0.75, 0.5, 0.25), "widths of the central squares over that of the surface, 0 to 1"
     )
     at: States = Field(default=EVERY_STEP, validate_default=True, description=f"states of A*, p* and V*: {_WHEN}")
-    transmissivity: States | None = Field(default=None, description=f"states of the transmissivity, x and y: {_WHEN}")
+    transmissivity: States | None = optional(f"states of the transmissivity, x and y: {_WHEN}")
 
 
 Own = Annotated[
@@ -200,58 +179,45 @@ INTERIOR = (("x", (0.25, 0.75)), ("y", (0.25, 0.75)))  # the central half of eac
 class Record(Strict):
     """Quantities stored beside the numbers of every step."""
 
-    heights: bool = Field(default=False, description="store the heights: true or false")
-    residual_heights: bool = Field(
-        default=False, description="store the heights left by plastic displacement, at the end: true or false"
+    heights: bool = default(False, "store the heights: true or false")
+    residual_heights: bool = default(False, "store the heights left by plastic displacement, at the end: true or false")
+    fields_at: Selector | None = optional(f"gap and pressure as fields: {IN_WORDS}")
+    box_counting: BoxCounting | None = optional("box counting; {}: defaults")
+    volume_density: VolumeDensity | None = optional("density of the element volumes; {}: defaults")
+    texture: Annotated[Texture | None, Switch()] = optional(
+        "texture before load and of the deformed surface (Sa, Ssk, Sku, Sp, Sv, Sz, Svi, Sbi, material "
+        "ratio, structure function): true, false or {at: states}"
     )
-    fields_at: Selector | None = Field(default=None, description=f"gap and pressure as fields: {IN_WORDS}")
-    box_counting: BoxCounting | None = Field(default=None, description="box counting; {}: defaults")
-    volume_density: VolumeDensity | None = Field(
-        default=None, description="density of the element volumes; {}: defaults"
+    psd: Annotated[Psd | None, Switch()] = optional(
+        "power spectral density before load and of the deformed surface, root mean square height, slope "
+        "and curvature by scale, and Nayak's parameter: true (before load), false or {at: states}"
     )
-    texture: Annotated[Texture | None, Switch()] = Field(
-        default=None,
-        description="texture before load and of the deformed surface (Sa, Ssk, Sku, Sp, Sv, Sz, Svi, Sbi, material "
-        "ratio, structure function): true, false or {at: states}",
+    contact_perimeter: bool = default(
+        False,
+        "length of the edges between contact and void at every step, for the corrected contact area: true or false",
     )
-    psd: Annotated[Psd | None, Switch()] = Field(
-        default=None,
-        description="power spectral density before load and of the deformed surface, root mean square height, slope "
-        "and curvature by scale, and Nayak's parameter: true (before load), false or {at: states}",
+    transport: Transport | None = optional("quantities of the void, each with its states")
+    fluid_pressure: FluidPressure | None = optional(
+        "contact under the pressure of a fluid in its gap: {inlet: 5 bar, at: states}"
     )
-    contact_perimeter: bool = Field(
-        default=False,
-        description="length of the edges between contact and void at every step, for the corrected contact area: true "
-        "or false",
+    region: Annotated[Region, Word("interior", INTERIOR)] | None = optional(
+        "region of all observables but heights and fields: 'interior' (the central half of each side) or "
+        "{x: [from, to], y: [from, to]}; default: the whole surface"
     )
-    transport: Transport | None = Field(
-        default=None,
-        description="quantities of the void, each with its states",
+    region_widths: RegionWidths | None = optional(
+        "A*, p*, V* and transmissivity of central squares of several widths; {}: defaults"
     )
-    fluid_pressure: FluidPressure | None = Field(
-        default=None, description="contact under the pressure of a fluid in its gap: {inlet: 5 bar, at: states}"
-    )
-    region: Annotated[Region, Word("interior", INTERIOR)] | None = Field(
-        default=None,
-        description="region of all observables but heights and fields: 'interior' (the central half of each side) or "
-        "{x: [from, to], y: [from, to]}; default: the whole surface",
-    )
-    region_widths: RegionWidths | None = Field(
-        default=None,
-        description="A*, p*, V* and transmissivity of central squares of several widths; {}: defaults",
-    )
-    dimensional: Dimensional | None = Field(
-        default=None, description="quantities stored with units too: pressure, free_volume, mean_gap, leak_rate …"
+    dimensional: Dimensional | None = optional(
+        "quantities stored with units too: pressure, free_volume, mean_gap, leak_rate …"
     )
 
-    own: Own | None = Field(
-        default=None,
-        description="{name: module:function}: functions of a solved state, stored by name at every step, or names of "
-        "entry points of the group roughvol.observables",
+    own: Own | None = optional(
+        "{name: module:function}: functions of a solved state, stored by name at every step, or names of "
+        "entry points of the group roughvol.observables"
     )
-    all_legs: bool = Field(
-        default=False,
-        description="true: levels are taken on every leg of a path, that of a further leg as 'pressure=0.5, leg 2'; "
+    all_legs: bool = default(
+        False,
+        "true: levels are taken on every leg of a path, that of a further leg as 'pressure=0.5, leg 2'; "
         "false: on the first leg that reaches them",
     )
 
@@ -268,13 +234,12 @@ class Record(Strict):
     @property
     def selects(self) -> dict[tuple[str, ...], Select]:
         """The states of each key that selects some."""
-        found = {}
-        for path in SELECTORS:
-            here: Any = self
-            for part in path:
-                here = here and getattr(here, part)
-            if isinstance(here, Select):
-                found[path] = here
+        found: dict[tuple[str, ...], Select] = {}
+        for name, value in self:
+            if isinstance(value, Select):
+                found[name,] = value
+            elif isinstance(value, Strict):
+                found |= {(name, inner): select for inner, select in value if isinstance(select, Select)}
         return found
 
     @property
@@ -300,19 +265,3 @@ class Record(Strict):
                 new = getattr(record, name).model_copy(update={inner[0]: new})
             record = record.model_copy(update={name: new})
         return record
-
-
-def _selectors() -> Iterator[tuple[str, ...]]:
-    """Yield the path of every key of `Record` that selects states."""
-    for name, field in Record.model_fields.items():
-        for model in models_in(field.annotation):
-            if issubclass(model, Select):
-                yield (name,)
-                continue
-            for inner, within in model.model_fields.items():
-                if any(issubclass(part, Select) for part in models_in(within.annotation)):
-                    yield name, inner
-
-
-SELECTORS = tuple(_selectors())
-"""Paths of the keys of the section ``record`` that select states."""

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from roughvol.errors import Problem, StudyError
 from roughvol.study.plain_data import number_text
-from roughvol.study.sections.strict import Strict
+from roughvol.study.sections.strict import Strict, default
 from roughvol.study.values.units import Length, in_unit, unit_of
 
 WHOLE = 0.02  # of a patch: a seal shorter by no more is as long as the patch
@@ -25,7 +25,7 @@ class Seal(Strict):
 
     length: Length = Field(description="length along the seal line, > 0: in the unit of L, or as 120 mm")
     width: Length = Field(description="width across the seal line, along the flow, > 0: in the unit of L, or as 2 mm")
-    flow: Literal["x", "y"] = Field(default="x", description="axis of the surfaces along which the fluid flows: x or y")
+    flow: Literal["x", "y"] = default("x", "axis of the surfaces along which the fluid flows: x or y")
 
     @property
     def label(self) -> str:
@@ -35,10 +35,7 @@ class Seal(Strict):
     def patches(self, sides: tuple[float, float], unit: str | None) -> tuple[int, int]:
         """Return the number of patches in a row along the flow, and side by side, from their sides along x and y."""
         along, across = sides if self.flow == "x" else sides[::-1]
-        return (
-            max(1, round(in_unit(self.width, unit) / along)),
-            max(1, round(in_unit(self.length, unit) / across)),
-        )
+        return max(1, round(in_unit(self.width, unit) / along)), max(1, round(in_unit(self.length, unit) / across))
 
     def squares(self, unit: str | None) -> float:
         """Return the length over the width; lengths without a unit are in this unit."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from roughvol.study.plain_data import number_text
-from roughvol.study.sections.strict import Choice, Strict
+from roughvol.study.sections.strict import Choice, Strict, default, optional
 from roughvol.study.values.types import refuse
 
 ACCURACY = {"draft": 1e-3, "standard": 1e-6, "reference": 1e-9}
@@ -22,23 +22,18 @@ LOOSEST = 1e-2  # residual η/σ; a sweep with a looser one costs more, since it
 PAPER_MAX_M = 6  # the paper's algorithm has a dense matrix of 4^m rows
 
 
+Tolerance = Annotated[float, Field(ge=1e-12, le=1e-1)]
+
+
 class MaxError(Choice):
     """Largest allowed errors of any state. The solver ends each state as soon as they are certified."""
 
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+    EMPTY = "must name free_volume or mean_pressure"
 
-    free_volume: Annotated[float, Field(ge=1e-12, le=1e-1)] | None = Field(
-        default=None, description="largest error of V* at any state, 1e-12 to 1e-1"
+    free_volume: Tolerance | None = optional("largest error of V* at any state, 1e-12 to 1e-1")
+    mean_pressure: Annotated[float, Field(ge=1e-9, le=1e-1)] | None = optional(
+        "largest relative error of p* at any state, 1e-9 to 1e-1"
     )
-    mean_pressure: Annotated[float, Field(ge=1e-9, le=1e-1)] | None = Field(
-        default=None, description="largest relative error of p* at any state, 1e-9 to 1e-1"
-    )
-
-    @model_validator(mode="after")
-    def _not_empty(self) -> MaxError:
-        if not self.named:
-            refuse("must name free_volume or mean_pressure")
-        return self
 
 
 FreeKernel = Literal["love", "punch"]  # with influence coefficients: on surfaces with any sides
@@ -68,23 +63,20 @@ class NamedKernel:
 class Solver(Strict):
     """Accuracy, kernel and method of the solver."""
 
-    accuracy: Literal["draft", "standard", "reference"] = Field(
-        default="standard",
-        description=f"bound on the residual η/σ: {', '.join(f'{k} {v:g}' for k, v in ACCURACY.items())}",
+    accuracy: Literal["draft", "standard", "reference"] = default(
+        "standard", f"bound on the residual η/σ: {', '.join(f'{k} {v:g}' for k, v in ACCURACY.items())}"
     )
-    rtol: Annotated[float, Field(ge=1e-12, le=1e-1)] | None = Field(
-        default=None, description="bound on the residual η/σ, 1e-12 to 1e-1; overrides accuracy"
+    rtol: Tolerance | None = optional("bound on the residual η/σ, 1e-12 to 1e-1; overrides accuracy")
+    max_error: MaxError | None = optional(
+        "{free_volume, mean_pressure}: largest errors allowed; instead of accuracy and rtol"
     )
-    max_error: MaxError | None = Field(
-        default=None, description="{free_volume, mean_pressure}: largest errors allowed; instead of accuracy and rtol"
-    )
-    kernel: Literal[FreeKernel, PeriodicKernel] = Field(
-        default="love",
-        description="influence of an element: 'love' (uniform pressure) or 'punch' (rigid circular punch); 'fourier' "
+    kernel: Literal[FreeKernel, PeriodicKernel] = default(
+        "love",
+        "influence of an element: 'love' (uniform pressure) or 'punch' (rigid circular punch); 'fourier' "
         "(waves of the grid alone) on mirrored and periodic surfaces",
     )
-    method: Literal["fast", "paper"] = Field(
-        default="fast", description=f"'fast', or 'paper': the paper's dense Algorithm 1, for m <= {PAPER_MAX_M}"
+    method: Literal["fast", "paper"] = default(
+        "fast", f"'fast', or 'paper': the paper's dense Algorithm 1, for m <= {PAPER_MAX_M}"
     )
 
     @property

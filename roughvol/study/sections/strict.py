@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator
-from typing import Any, NoReturn, get_args
+from typing import Any, ClassVar, NoReturn, Self, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, RootModel, ValidationError, model_serializer
+from pydantic import BaseModel, ConfigDict, Field, RootModel, ValidationError, model_serializer, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from roughvol.study.plain_data import KeyPath
+from roughvol.study.values.types import refuse
 from roughvol.study.values.units import text_of
+
+T = TypeVar("T")
 
 
 def refuse_at(path: KeyPath, given: Any, message: str, **context: str) -> NoReturn:
     """Raise the error of a validator with this message at a key inside its own, with the value given there."""
-    kind, title = "refused", "Study"
-    details = InitErrorDetails(type=PydanticCustomError(kind, message, context), loc=path, input=given)
-    raise ValidationError.from_exception_data(title, [details])
+    details = InitErrorDetails(type=PydanticCustomError("refused", message, context), loc=path, input=given)
+    raise ValidationError.from_exception_data("Study", [details])
 
 
 def names(*models: type[BaseModel]) -> list[str]:
@@ -42,6 +44,16 @@ def nearest(word: str, known: list[str]) -> str | None:
     return lower[close[0]] if close else None
 
 
+def default(value: T, description: str) -> T:
+    """Return the field of a key with a default."""
+    return Field(default=value, description=description)
+
+
+def optional(description: str) -> Any:
+    """Return the field of a key that a study may leave out."""
+    return Field(default=None, description=description)
+
+
 class Strict(BaseModel):
     """A frozen record without unknown keys."""
 
@@ -50,6 +62,16 @@ class Strict(BaseModel):
 
 class Choice(Strict):
     """A mapping with optional keys."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
+    EMPTY: ClassVar[str] = ""
+    """Message for a mapping that names no key; empty where it may name none."""
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> Self:
+        if self.EMPTY and not self.named:
+            refuse(self.EMPTY, known=", ".join(names(type(self))))
+        return self
 
     @property
     def named(self) -> dict[str, Any]:

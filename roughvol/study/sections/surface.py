@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_serializer, model_validator
 
 from roughvol.study.sections.ensemble import AUTO_FROM, AUTO_TO
-from roughvol.study.sections.strict import Strict, nearest
-from roughvol.study.values.types import Auto, Dimension, Many, Positive, Refinement, Seed, Whole, refuse, whole
+from roughvol.study.sections.strict import Strict, default, nearest, optional
+from roughvol.study.values.types import WHOLE, Auto, Dimension, Many, Positive, Refinement, Seed, refuse, whole
 from roughvol.study.values.units import Length, LengthUnit, unit_of
 from roughvol.surfaces.length_units import factor
 from roughvol.surfaces.spectrum import Spectrum
@@ -55,7 +55,7 @@ def _power_of_two(value: int) -> int:
 
 
 Hurst = Annotated[float, Field(gt=0, lt=1)]
-Nodes = Annotated[Whole, Field(ge=FEWEST, le=MOST), AfterValidator(_power_of_two)]
+Nodes = Annotated[int, Field(ge=FEWEST, le=MOST), WHOLE, AfterValidator(_power_of_two)]
 
 
 Seeds = Annotated[
@@ -101,11 +101,9 @@ class Sized(Strict):
     def in_own_unit(self, length: float) -> float:
         """Return a length in the unit of L; a plain number is in that unit."""
         given = unit_of(length)
-        return (
-            float(length)
-            if given is None or self.length_unit is None
-            else float(length) * factor(given, self.length_unit)
-        )
+        if given is None or self.length_unit is None:
+            return float(length)
+        return float(length) * factor(given, self.length_unit)
 
 
 class GeneratedSurface(Sized):
@@ -115,16 +113,15 @@ class GeneratedSurface(Sized):
     m: Annotated[Many[Refinement], Auto()] = Field(
         description="2^m + 1 nodes per side, 2^m of a period; 1 <= m <= 13; a number or a list; 'auto' for an ensemble"
     )
-    L: Length = Field(default=100.0, description="lateral size, L > 0, as 100 or 100 um")
+    L: Length = default(100.0, "lateral size, L > 0, as 100 or 100 um")
     seeds: Seeds = Field(default=10)  # type: ignore[arg-type]  # a number, see `_counted`
-    midpoint_law: Literal["std", "variance"] = Field(
-        default="std", description="quantity divided by 2^((3-D)/2) in each half step: 'std' or 'variance'"
+    midpoint_law: Literal["std", "variance"] = default(
+        "std", "quantity divided by 2^((3-D)/2) in each half step: 'std' or 'variance'"
     )
-    sides: Sides = Field(default="free", description=SIDES)
-    unit: LengthUnit | None = Field(default=None, description=UNIT)
-    Sq: Length | None = Field(
-        default=None,
-        description="root mean square of the stored heights, > 0, with its unit or in that of L; default: not scaled",
+    sides: Sides = default("free", SIDES)
+    unit: LengthUnit | None = optional(UNIT)
+    Sq: Length | None = optional(
+        "root mean square of the stored heights, > 0, with its unit or in that of L; default: not scaled"
     )
 
     @property
@@ -147,42 +144,34 @@ class GeneratedSurface(Sized):
 class SpectralSurface(Sized):
     """Random surfaces with a power-law spectrum; every combination of H, n and seed is a case."""
 
-    H: Many[Hurst] = Field(default=(), description="Hurst exponent, 0 < H < 1; a number or a list")
-    D: Many[Dimension] = Field(default=(), description="fractal dimension instead of H, D = 3 - H, 2 < D < 3")
+    H: Many[Hurst] = default((), "Hurst exponent, 0 < H < 1; a number or a list")
+    D: Many[Dimension] = default((), "fractal dimension instead of H, D = 3 - H, 2 < D < 3")
     n: Annotated[Many[Nodes], Auto()] = Field(
         description=f"nodes per side of the period, a power of two, {FEWEST} to {MOST}; n + 1 with the repeated edge "
         "of free and mirrored surfaces; a number or a list; 'auto' for an ensemble, with cut or shortest"
     )
-    rolloff: Annotated[float, Field(ge=1)] = Field(
-        default=1.0, description="L over the roll-off wavelength λ_r, >= 1; 1: a power law up to L"
+    rolloff: float = Field(
+        default=1.0, ge=1, description="L over the roll-off wavelength λ_r, >= 1; 1: a power law up to L"
     )
-    cut: Annotated[float, Field(gt=1)] | None = Field(
-        default=None,
-        description="L over the short cut-off wavelength λ_s, > rolloff, at most half the largest n; "
-        "default: half the largest n",
+    cut: Annotated[float, Field(gt=1)] | None = optional(
+        "L over the short cut-off wavelength λ_s, > rolloff, at most half the largest n; default: half the largest n"
     )
-    shortest: Length | None = Field(
-        default=None, description="λ_s instead of cut: a share of L as 0.01, or a length with its unit as 1 um"
+    shortest: Length | None = optional("λ_s instead of cut: a share of L as 0.01, or a length with its unit as 1 um")
+    Sq: Length | None = optional(
+        "root mean square height of the period, > 0, with its unit or in that of L; default: 1"
     )
-    Sq: Length | None = Field(
-        default=None,
-        description="root mean square height of the period, > 0, with its unit or in that of L; default: 1",
+    slope: Positive | None = optional("root mean square slope of the period instead of Sq, > 0")
+    Ssk: Annotated[float, Field(ge=-STEEPEST, le=STEEPEST)] | None = optional(
+        f"skewness of the heights, -{STEEPEST:g} to {STEEPEST:g}; default: Gaussian heights"
     )
-    slope: Positive | None = Field(default=None, description="root mean square slope of the period instead of Sq, > 0")
-    Ssk: Annotated[float, Field(ge=-STEEPEST, le=STEEPEST)] | None = Field(
-        default=None, description=f"skewness of the heights, -{STEEPEST:g} to {STEEPEST:g}; default: Gaussian heights"
+    anisotropy: float = Field(default=1.0, ge=1, description="wavelengths along x over those along y, >= 1 and < cut")
+    phases: Literal["gaussian", "random"] = default(
+        "gaussian", "'gaussian': random amplitudes and phases; 'random': amplitudes as the spectrum, random phases"
     )
-    anisotropy: Annotated[float, Field(ge=1)] = Field(
-        default=1.0, description="wavelengths along x over those along y, >= 1 and < cut"
-    )
-    phases: Literal["gaussian", "random"] = Field(
-        default="gaussian",
-        description="'gaussian': random amplitudes and phases; 'random': amplitudes as the spectrum, random phases",
-    )
-    L: Length = Field(default=100.0, description="length of the period, L > 0, as 100 or 100 um")
+    L: Length = default(100.0, "length of the period, L > 0, as 100 or 100 um")
     seeds: Seeds = Field(default=10)  # type: ignore[arg-type]  # a number, see `_counted`
-    unit: LengthUnit | None = Field(default=None, description=UNIT)
-    sides: Sides = Field(default="free", description=SIDES)
+    unit: LengthUnit | None = optional(UNIT)
+    sides: Sides = default("free", SIDES)
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> dict[str, Any]:

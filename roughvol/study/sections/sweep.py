@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import (
     BeforeValidator,
@@ -22,35 +22,21 @@ from pydantic import (
 )
 
 from roughvol.study.plain_data import KeyPath
-from roughvol.study.sections.strict import Choice, Strict, refuse_at
+from roughvol.study.sections.strict import Choice, Strict, default, optional, refuse_at
 from roughvol.study.values.state_kinds import LISTS, OF_ALL, STATE_KINDS, Level, Starred
-from roughvol.study.values.types import AreaFraction, Many, Positive, StepNumber, Whole, Word, as_tuple, refuse
+from roughvol.study.values.types import WHOLE, AreaFraction, Many, Positive, StepNumber, Word, as_tuple, refuse
 from roughvol.study.values.units import Flow, Gap, In, Length, Load, Position, Pressure, convert, text_of, unit_of
 
+T = TypeVar("T")
 
-class Select(Choice):
-    """States to record: the last one, steps, or levels.
 
-    Fields, densities and box counts are those of the state at the level, solved for them. Quantities along the steps
-    are those of the first step at the level or beyond it.
-    """
+def levels_of(quantity: str) -> Any:
+    """Return the field of the levels of a quantity."""
+    return Field(default_factory=tuple, description=f"levels of {quantity}")
 
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
-    step: Many[StepNumber] = Field(default_factory=tuple, description="step numbers, from 1 to sweep.steps")
-    contact_area: Many[AreaFraction] = Field(default_factory=tuple, description="levels of A*, 0 < A* <= 1")
-    pressure: Many[Pressure] = Field(default_factory=tuple, description="levels of p* > 0, or of p as 0.5 MPa")
-    separation: Many[Position] = Field(
-        default_factory=tuple, description="levels of d/σ, reached from above, or of d as 0.5 um"
-    )
-    indentation: Many[Length] = Field(default_factory=tuple, description="levels of Δ/σ > 0, or of Δ as 2 um")
-    free_volume: Many[Positive] = Field(default_factory=tuple, description="levels of V* > 0, reached from above")
-    mean_gap: Many[Gap] = Field(
-        default_factory=tuple, description="levels of the mean gap, as 1 um, reached from above"
-    )
-    load: Many[Load] = Field(
-        default_factory=tuple, description=f"levels of the load on the whole surface, as 20 N; {OF_ALL}"
-    )
+class Levels(Choice):
+    """The last state, or levels of one or more quantities."""
 
     @model_serializer
     def _plain(self) -> Any:
@@ -62,6 +48,23 @@ class Select(Choice):
         """Levels, kind by kind; ``Level("last")`` without any."""
         levels = (Level(kind, value) for kind, values in self.named.items() for value in values)
         return tuple(levels) or (Level("last"),)
+
+
+class Select(Levels):
+    """States to record: the last one, steps, or levels.
+
+    Fields, densities and box counts are those of the state at the level, solved for them. Quantities along the steps
+    are those of the first step at the level or beyond it.
+    """
+
+    step: Many[StepNumber] = Field(default_factory=tuple, description="step numbers, from 1 to sweep.steps")
+    contact_area: Many[AreaFraction] = levels_of("A*, 0 < A* <= 1")
+    pressure: Many[Pressure] = levels_of("p* > 0, or of p as 0.5 MPa")
+    separation: Many[Position] = levels_of("d/σ, reached from above, or of d as 0.5 um")
+    indentation: Many[Length] = levels_of("Δ/σ > 0, or of Δ as 2 um")
+    free_volume: Many[Positive] = levels_of("V* > 0, reached from above")
+    mean_gap: Many[Gap] = levels_of("the mean gap, as 1 um, reached from above")
+    load: Many[Load] = levels_of(f"the load on the whole surface, as 20 N; {OF_ALL}")
 
     def starred(self, of: Callable[[Level], Level]) -> Select:
         """Return the same states as starred numbers, each with its label in the study."""
@@ -84,25 +87,22 @@ class Target(Choice):
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
-    percolation: Literal["x", "y", "both"] | None = Field(
-        default=None, description="end without an open way from side to side: along 'x', 'y' or 'both'"
+    percolation: Literal["x", "y", "both"] | None = optional(
+        "end without an open way from side to side: along 'x', 'y' or 'both'"
     )
-    indentation: Length | None = Field(default=None, description="end at this Δ/σ > 0, or Δ as 2 um")
-    contact_area: AreaFraction | None = Field(default=None, description="end at this A*, 0 < A* <= 1")
-    pressure: Pressure | None = Field(default=None, description="end at this p* > 0, or p as 0.5 MPa")
-    separation: Position | None = Field(
-        default=None, description="end at this d/σ, negative beyond the mean plane, or d as 0.5 um"
+    indentation: Length | None = optional("end at this Δ/σ > 0, or Δ as 2 um")
+    contact_area: AreaFraction | None = optional("end at this A*, 0 < A* <= 1")
+    pressure: Pressure | None = optional("end at this p* > 0, or p as 0.5 MPa")
+    separation: Position | None = optional("end at this d/σ, negative beyond the mean plane, or d as 0.5 um")
+    free_volume: Positive | None = optional("end at this V* > 0, which falls on loading")
+    mean_gap: Gap | None = optional("end at this mean gap > 0, as 1 um")
+    load: Load | None = optional(f"end at this load > 0 on the whole surface, as 20 N; {OF_ALL}")
+    leak_rate: Flow | None = optional(
+        "end where the leak rates along both axes have fallen to this, as 1e-3 mm^3/s; the fluid is that "
+        "of record.dimensional.leak_rate"
     )
-    free_volume: Positive | None = Field(default=None, description="end at this V* > 0, which falls on loading")
-    mean_gap: Gap | None = Field(default=None, description="end at this mean gap > 0, as 1 um")
-    load: Load | None = Field(default=None, description=f"end at this load > 0 on the whole surface, as 20 N; {OF_ALL}")
-    leak_rate: Flow | None = Field(
-        default=None,
-        description="end where the leak rates along both axes have fallen to this, as 1e-3 mm^3/s; the fluid is that "
-        "of record.dimensional.leak_rate",
-    )
-    leak_rate_x: Flow | None = Field(default=None, description="end where the leak rate along x has fallen to this")
-    leak_rate_y: Flow | None = Field(default=None, description="end where the leak rate along y has fallen to this")
+    leak_rate_x: Flow | None = optional("end where the leak rate along x has fallen to this")
+    leak_rate_y: Flow | None = optional("end where the leak rate along y has fallen to this")
 
     @model_validator(mode="after")
     def _one_state(self) -> Target:
@@ -111,22 +111,24 @@ class Target(Choice):
         return self
 
 
+def _listed(states: str, note: str = "") -> Any:
+    """Return the field of a list of states with a step at each."""
+    return default((), f"instead of steps and to: {states}, a step at each{note}")
+
+
 def _tag_to(value: Any) -> str:
     return "<state>" if isinstance(value, dict | Target) or value == "percolation" else "<plane>"
 
 
-def _spelled(data: Any) -> Any:
-    """Return the data of a sweep with the number of steps and the last state that follow from its list."""
-    given = [name for name in LISTS if data.get(name)] if isinstance(data, dict) else []
-    if not given:
-        return data
-    name, *others = given
-    beside = [*others, *(key for key in ("steps", "to", "equal", "first") if key in data)]
-    if beside:
-        others = [f"'{key}'" for key in beside]
-        refuse("'{name}' makes a step of each value: omit {others}", name=name, others=", ".join(others))
-    values = data[name] if isinstance(data[name], list | tuple) else [data[name]]
-    return {**data, "steps": len(values), "to": {LISTS[name].name: values[-1]}}
+End = Annotated[
+    Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
+    | Annotated[T, Word("percolation", (("percolation", "both"),)), Tag("<state>")],
+    Discriminator(_tag_to),
+]
+_TARGETS = (
+    "{percolation: x|y|both}, {indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, {free_volume: x}, "
+    "{mean_gap: 1 um}, {load: 20 N}, {leak_rate: 1e-3 mm^3/s}"
+)
 
 
 def _misplaced(levels: Sequence[Any], *, either: bool) -> tuple[int | None, str] | None:
@@ -152,55 +154,43 @@ def _misplaced(levels: Sequence[Any], *, either: bool) -> tuple[int | None, str]
 class Sweep(Strict):
     """Number of equal steps of indentation, and the last state."""
 
-    steps: Annotated[Whole, Field(ge=0, le=10_000)] = Field(
-        default=60,
-        description="number of equal steps of indentation, 0 to 10000; 0: no contact; 20 in an ensemble without steps",
+    steps: Annotated[int, Field(ge=0, le=10_000), WHOLE] = default(
+        60, "number of equal steps of indentation, 0 to 10000; 0: no contact; 20 in an ensemble without steps"
     )
-    to: Annotated[
-        Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
-        | Annotated[Target, Word("percolation", (("percolation", "both"),)), Tag("<state>")],
-        Discriminator(_tag_to),
-    ] = Field(
-        default="mean-plane",
-        description="last state: mean-plane, summit-plane, percolation (no open way left), or one of "
-        "{percolation: x|y|both}, {indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, "
-        "{free_volume: x}, {mean_gap: 1 um}, {load: 20 N}, {leak_rate: 1e-3 mm^3/s}",
+    to: End[Target] = default(
+        "mean-plane", f"last state: mean-plane, summit-plane, percolation (no open way left), or one of {_TARGETS}"
     )
-    equal: Literal["indentation", "pressure", "log pressure"] = Field(
-        default="indentation",
-        description="quantity of equal steps: 'indentation', 'pressure', or 'log pressure' (equal ratios from 'first')",
+    equal: Literal["indentation", "pressure", "log pressure"] = default(
+        "indentation",
+        "quantity of equal steps: 'indentation', 'pressure', or 'log pressure' (equal ratios from 'first')",
     )
-    first: Pressure | None = Field(
-        default=None,
-        description="p* or pressure of the first step on the first leg, with equal: log pressure; default: that of the "
-        "last step over 1000",
+    first: Pressure | None = optional(
+        "p* or pressure of the first step on the first leg, with equal: log pressure; default: that of the "
+        "last step over 1000"
     )
-    pressures: Many[Pressure] = Field(
-        default=(), description="instead of steps and to: p* > 0 or pressures as 0.1 MPa, a step at each"
-    )
-    loads: Many[Load] = Field(
-        default=(),
-        description=f"instead of steps and to: loads on the whole surface, as 20 N, a step at each; {OF_ALL}",
-    )
-    contact_areas: Many[AreaFraction] = Field(default=(), description="instead of steps and to: A*, a step at each")
-    indentations: Many[Length] = Field(
-        default=(), description="instead of steps and to: Δ/σ or lengths, a step at each"
-    )
-    separations: Many[Position] = Field(
-        default=(), description="instead of steps and to: falling d/σ or lengths, a step at each"
-    )
-    free_volumes: Many[Positive] = Field(default=(), description="instead of steps and to: falling V*, a step at each")
-    mean_gaps: Many[Gap] = Field(
-        default=(), description="instead of steps and to: falling mean gaps, as 1 um, a step at each"
-    )
-    leak_rates: Many[Flow] = Field(
-        default=(), description="instead of steps and to: falling leak rates, as 1e-3 mm^3/s, a step at each"
-    )
+    pressures: Many[Pressure] = _listed("p* > 0 or pressures as 0.1 MPa")
+    loads: Many[Load] = _listed("loads on the whole surface, as 20 N", f"; {OF_ALL}")
+    contact_areas: Many[AreaFraction] = _listed("A*")
+    indentations: Many[Length] = _listed("Δ/σ or lengths")
+    separations: Many[Position] = _listed("falling d/σ or lengths")
+    free_volumes: Many[Positive] = _listed("falling V*")
+    mean_gaps: Many[Gap] = _listed("falling mean gaps, as 1 um")
+    leak_rates: Many[Flow] = _listed("falling leak rates, as 1e-3 mm^3/s")
 
     @model_validator(mode="before")
     @classmethod
     def _steps_of_a_list(cls, data: Any) -> Any:
-        return _spelled(data)
+        """Give the number of steps and the last state that follow from a list of states."""
+        given = [name for name in LISTS if data.get(name)] if isinstance(data, dict) else []
+        if not given:
+            return data
+        name, *others = given
+        others += [key for key in ("steps", "to", "equal", "first") if key in data]
+        if others:
+            beside = ", ".join(f"'{key}'" for key in others)
+            refuse("'{name}' makes a step of each value: omit {others}", name=name, others=beside)
+        values = data[name] if isinstance(data[name], list | tuple) else [data[name]]
+        return {**data, "steps": len(values), "to": {LISTS[name].name: values[-1]}}
 
     @model_validator(mode="after")
     def _in_order(self) -> Sweep:
@@ -283,36 +273,23 @@ Fallen = Annotated[float, Field(ge=0)]
 class LegTarget(Target):
     """The last state of a leg. Indentation and pressure may fall to zero."""
 
-    indentation: Annotated[Fallen, In("length")] | None = Field(
-        default=None, description="end at this Δ/σ >= 0, or Δ as 2 um"
-    )
-    pressure: Annotated[Fallen, In("pressure")] | None = Field(
-        default=None, description="end at this p* >= 0, or p as 0.5 MPa; 0 is where contact is lost"
+    indentation: Annotated[Fallen, In("length")] | None = optional("end at this Δ/σ >= 0, or Δ as 2 um")
+    pressure: Annotated[Fallen, In("pressure")] | None = optional(
+        "end at this p* >= 0, or p as 0.5 MPa; 0 is where contact is lost"
     )
 
 
 class Leg(Sweep):
     """A leg of a path: number of equal steps of indentation from the end of the leg before, and the last state."""
 
-    steps: Annotated[Whole, Field(ge=1, le=10_000)] = Field(
-        default=60, description="number of equal steps of indentation on this leg, 1 to 10000"
+    steps: Annotated[int, Field(ge=1, le=10_000), WHOLE] = default(
+        60, "number of equal steps of indentation on this leg, 1 to 10000"
     )
-    to: Annotated[
-        Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
-        | Annotated[LegTarget, Word("percolation", (("percolation", "both"),)), Tag("<state>")],
-        Discriminator(_tag_to),
-    ] = Field(
-        default="mean-plane",
-        description="last state of the leg: mean-plane, summit-plane, percolation, or one of {percolation: x|y|both}, "
-        "{indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, {free_volume: x}, {mean_gap: 1 um}, "
-        "{load: 20 N}, {leak_rate: 1e-3 mm^3/s}",
+    to: End[LegTarget] = default(
+        "mean-plane", f"last state of the leg: mean-plane, summit-plane, percolation, or one of {_TARGETS}"
     )
-    pressures: Many[Annotated[Fallen, In("pressure")]] = Field(
-        default=(), description="instead of steps and to: p* >= 0 or pressures as 0.1 MPa, a step at each"
-    )
-    indentations: Many[Annotated[Fallen, In("length")]] = Field(
-        default=(), description="instead of steps and to: Δ/σ >= 0 or lengths, a step at each"
-    )
+    pressures: Many[Annotated[Fallen, In("pressure")]] = _listed("p* >= 0 or pressures as 0.1 MPa")
+    indentations: Many[Annotated[Fallen, In("length")]] = _listed("Δ/σ >= 0 or lengths")
 
 
 class Legs(RootModel[tuple[Leg, ...]]):

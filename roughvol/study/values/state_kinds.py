@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from roughvol.errors import DatasetError
 from roughvol.study.plain_data import number_text
 from roughvol.study.python_data import text_of_value
-from roughvol.study.values.units import EXAMPLES, Quantity, Written, convert, read, unit_of
+from roughvol.study.values.units import KINDS, Quantity, Written, convert, read, unit_of
 
 if TYPE_CHECKING:
     from roughvol.typing import Load, Loads
@@ -51,11 +51,6 @@ class StateKind:
     search: bool = True
     needs_unit: bool = False
 
-    @property
-    def is_starred(self) -> bool:
-        """Whether the kind is itself the starred quantity."""
-        return self.fixes == self.name and bool(self.stored)
-
 
 _P, _V, _Q = ("mean_pressure", "pressure"), ("free_volume", "free_volume"), "flow"
 STATE_KINDS = {
@@ -76,8 +71,8 @@ STATE_KINDS = {
 """All kinds by name."""
 LISTS = {kind.plural: kind for kind in STATE_KINDS.values() if kind.plural}
 """Kinds by the keys of lists in a sweep."""
-STARRED = {kind.name: kind for kind in STATE_KINDS.values() if kind.is_starred}
-"""Kinds that are starred quantities."""
+STARRED = {kind.name: kind for kind in STATE_KINDS.values() if kind.stored and kind.fixes == kind.name}
+"""Kinds that are themselves starred quantities."""
 OF_ALL = "a load is the nominal pressure times N^2 δ^2, on a free patch of N = 33 nodes a side 6 % more than L^2"
 """The area that a load acts on, in words."""
 REACHED = 1e-5  # relative; of d/σ, which passes 0, a share of σ at least
@@ -169,7 +164,7 @@ def parse(text: str) -> Level:
     if kind.unit == _Q and not float(level.value or 0.0) > 0.0:
         raise DatasetError(f"{text}: allowed: a leak rate > 0; roughvol show has the load at which each way closes")
     if kind.needs_unit and not isinstance(level.value, Quantity):
-        raise DatasetError(f"{text}: needs its unit, as {name}={EXAMPLES[kind.unit].replace(' ', '')}")
+        raise DatasetError(f"{text}: needs its unit, as {name}={KINDS[kind.unit].example.replace(' ', '')}")
     return level
 
 
@@ -279,22 +274,20 @@ class Scale:
         if quantity == "pressure":
             assert self.modulus_unit is not None
             modulus = convert(self.E_star, self.modulus_unit, "Pa")
-            pressure = convert(float(value), unit, "Pa") if kind == "pressure" else self._pressure(float(value), unit)
+            if kind == "pressure":
+                pressure = convert(float(value), unit, "Pa")
+            else:
+                pressure = convert(float(value), unit, "N") / (self.area * self._metre**2)
             return quantity, pressure * self.L / (modulus * self.Sq)
         assert self.length_unit is not None
         if kind.startswith("leak_rate"):
             if self.drive is None:
                 raise ValueError(f"{kind} {value}: needs the fluid, record.dimensional.leak_rate")
-            return quantity, convert(float(value), unit, "m^3/s") * 12.0 / (self.drive * self._sigma_in_metres**3)
+            return quantity, convert(float(value), unit, "m^3/s") * 12.0 / (self.drive * (self.Sq * self._metre) ** 3)
         return quantity, convert(float(value), unit, self.length_unit) / self.Sq
 
     @property
-    def _sigma_in_metres(self) -> float:
+    def _metre(self) -> float:
+        """The unit of length in metres."""
         assert self.length_unit is not None
-        return self.Sq * convert(1.0, self.length_unit, "m")
-
-    def _pressure(self, load: float, unit: str) -> float:
-        """Return the mean pressure of a load in Pa."""
-        assert self.length_unit is not None
-        metre = convert(1.0, self.length_unit, "m")
-        return convert(load, unit, "N") / (self.area * metre**2)
+        return convert(1.0, self.length_unit, "m")

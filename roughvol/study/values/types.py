@@ -38,14 +38,14 @@ def two(what: str) -> BeforeValidator:
     return BeforeValidator(read)
 
 
-Whole = Annotated[int, BeforeValidator(whole)]
+WHOLE = BeforeValidator(whole)  # behind the bounds: before them, pydantic leaves them out of the JSON schema
 Dimension = Annotated[float, Field(gt=2, lt=3)]
-Refinement = Annotated[Whole, Field(ge=1, le=13)]
-Seed = Annotated[Whole, Field(ge=0, lt=2**63)]
+Refinement = Annotated[int, Field(ge=1, le=13), WHOLE]
+Seed = Annotated[int, Field(ge=0, lt=2**63), WHOLE]
 Positive = Annotated[float, Field(gt=0)]
 AreaFraction = Annotated[float, Field(gt=0, le=1)]
 Fraction = Annotated[float, Field(ge=0, le=1)]
-StepNumber = Annotated[Whole, Field(ge=1)]
+StepNumber = Annotated[int, Field(ge=1), WHOLE]
 
 
 class Form:

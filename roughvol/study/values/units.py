@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, NamedTuple, Self
 
 from pydantic import AfterValidator, GetCoreSchemaHandler
 from pydantic_core import PydanticCustomError, core_schema
@@ -21,27 +21,27 @@ from roughvol.study.plain_data import number_text, printable
 from roughvol.study.values.types import Form, Positive, refuse
 from roughvol.surfaces.length_units import METRES, named
 
-# Dimension in pint's notation, and units for messages.
+
+class UnitKind(NamedTuple):
+    """A kind of unit: its dimension in pint's notation, its units and a number with a unit for messages."""
+
+    dimension: str
+    units: str
+    example: str = ""
+
+
 KINDS = {
-    "length": ("[length]", ", ".join(METRES)),
-    "volume per area": ("[length]", "mm^3/m^2, ml/m^2, um and the like"),
-    "pressure": ("[mass]/[length]/[time]^2", "Pa, kPa, MPa, GPa, bar, mbar, psi and the like"),
-    "viscosity": ("[mass]/[length]/[time]", "Pa*s, mPa*s, cP and the like"),
-    "force": ("[mass]*[length]/[time]^2", "N, kN, mN, lbf and the like"),
-    "time": ("[time]", "s, min, h, day, year"),
-    "conductivity": ("[mass]*[length]/[time]^3/[temperature]", "W/m/K"),
-    "flow": ("[length]^3/[time]", "mm^3/s, ml/min, um^3/s and the like"),
-    "throughput": ("[mass]*[length]^2/[time]^3", "mbar*l/s, Pa*m^3/s, sccm and the like"),
-    "temperature": ("[temperature]", "K, degC"),
-    "molar mass": ("[mass]/[substance]", "g/mol, kg/kmol and the like"),
-}
-EXAMPLES = {"length": "100 um", "pressure": "100 GPa", "viscosity": "1 mPa*s", "force": "20 N"} | {
-    "flow": "1e-3 mm^3/s",
-    "throughput": "1e-4 mbar*l/s",
-    "temperature": "293 K",
-    "molar mass": "29 g/mol",
-    "time": "10 s",
-    "conductivity": "50 W/m/K",
+    "length": UnitKind("[length]", ", ".join(METRES), "100 um"),
+    "volume per area": UnitKind("[length]", "mm^3/m^2, ml/m^2, um and the like"),
+    "pressure": UnitKind("[mass]/[length]/[time]^2", "Pa, kPa, MPa, GPa, bar, mbar, psi and the like", "100 GPa"),
+    "viscosity": UnitKind("[mass]/[length]/[time]", "Pa*s, mPa*s, cP and the like", "1 mPa*s"),
+    "force": UnitKind("[mass]*[length]/[time]^2", "N, kN, mN, lbf and the like", "20 N"),
+    "time": UnitKind("[time]", "s, min, h, day, year", "10 s"),
+    "conductivity": UnitKind("[mass]*[length]/[time]^3/[temperature]", "W/m/K", "50 W/m/K"),
+    "flow": UnitKind("[length]^3/[time]", "mm^3/s, ml/min, um^3/s and the like", "1e-3 mm^3/s"),
+    "throughput": UnitKind("[mass]*[length]^2/[time]^3", "mbar*l/s, Pa*m^3/s, sccm and the like", "1e-4 mbar*l/s"),
+    "temperature": UnitKind("[temperature]", "K, degC", "293 K"),
+    "molar mass": UnitKind("[mass]/[substance]", "g/mol, kg/kmol and the like", "29 g/mol"),
 }
 # Factors of pint 0.25, bit for bit (a test compares them). pint takes as long as the rest of `roughvol status`.
 FACTORS: dict[str, dict[str, float]] = {
@@ -156,11 +156,9 @@ def quantity(values: Any, given: str, wanted: Any = None, registry: Any = None) 
         except pint.UndefinedUnitError:
             found = registry.Quantity(values * own.to_base_units().magnitude, f"{own.to_base_units().units}")
         return found if wanted is None else found.to(_spelled(wanted) if isinstance(wanted, str) else wanted)
-    except pint.UndefinedUnitError as error:
-        if given.startswith("length"):
-            raise ValueError("the lengths have no unit; a study with one has surface: {L: 100 um}") from error
-        raise ValueError(f"{error}") from error
     except (pint.PintError, *_NOT_KNOWN) as error:
+        if isinstance(error, pint.UndefinedUnitError) and given.startswith("length"):
+            raise ValueError("the lengths have no unit; a study with one has surface: {L: 100 um}") from error
         raise ValueError(f"{error}") from error
 
 
@@ -214,7 +212,7 @@ def read(text: str, kind: str) -> float:
     except PydanticCustomError as error:
         raise ValueError(error.message()) from error
     except ValueError as error:
-        unit = f", or a number with a unit of {kind}, as in {EXAMPLES[kind]}" if kind else " without a unit"
+        unit = f", or a number with a unit of {kind}, as in {KINDS[kind].example}" if kind else " without a unit"
         raise ValueError(f"must be a number{unit}, given {text!r}") from error
 
 
@@ -231,7 +229,7 @@ class In(Form):
 
     def _forms(self, inner: Any) -> list[Any]:
         """Return the schema of a plain number, and of text with a unit."""
-        text = {"type": "string", "examples": [EXAMPLES[self.kind]]}
+        text = {"type": "string", "examples": [KINDS[self.kind].example]}
         return [text] if self.needed else [inner, text]
 
     def _read(self, value: Any, inner: Callable[[Any], Any]) -> Any:
@@ -241,7 +239,7 @@ class In(Form):
         match = _NUMBER.fullmatch(value.strip()) if isinstance(value, str) else None
         if match is None:
             plain = "" if self.needed else "a number, or "
-            refuse(f"must be {plain}a number with a unit of {self.kind}, as in {EXAMPLES[self.kind]}")
+            refuse(f"must be {plain}a number with a unit of {self.kind}, as in {KINDS[self.kind].example}")
         return Quantity(inner(float(match[1])), _checked(match[2], self.kind))
 
 
@@ -271,6 +269,7 @@ Pressure = Annotated[Positive, In("pressure")]
 Position = Annotated[float, In("length")]
 Gap = Annotated[Positive, In("length", needed=True)]
 Load = Annotated[Positive, In("force", needed=True)]
+Viscosity = Annotated[Positive, In("viscosity", needed=True)]
 Flow = Annotated[Positive, In("flow", needed=True)]
 LengthUnit = Annotated[str, unit_name("length")]
 HeightsUnit = Annotated[str, unit_name("length", counts=True)]
@@ -281,12 +280,12 @@ def _checked(unit: str, kind: str) -> str:
     unit = unit.strip()
     if kind == "length" and (name := named(unit)):
         return name
-    dimension, allowed = KINDS[kind]
+    dimension, allowed, _ = KINDS[kind]
     found = _dimension(unit)
     if found is None:
         refuse(f"'{printable(unit)[:40]}' is no known unit; allowed for a {kind}: {allowed}")
     if found != dimension:
-        other = next((name for name, (of, _) in KINDS.items() if of == found), "another quantity")
+        other = next((name for name, row in KINDS.items() if row.dimension == found), "another quantity")
         refuse(f"'{unit}' is a unit of {other}, not of {kind}; allowed: {allowed}")
     if kind == "length":
         refuse(f"'{unit}' is no unit of length of a study; allowed: {allowed}")
@@ -295,21 +294,21 @@ def _checked(unit: str, kind: str) -> str:
 
 def _listed(kind: str) -> list[str]:
     """Return the units of a kind that messages name."""
-    return KINDS[kind][1].removesuffix(" and the like").split(", ")
+    return KINDS[kind].units.removesuffix(" and the like").split(", ")
 
 
 def _dimension(unit: str) -> str | None:
     """Return the dimension of a unit as in `KINDS`, empty for other dimensions; None for an unknown unit."""
-    for kind, (dimension, _) in KINDS.items():
+    for kind, row in KINDS.items():
         if unit in _listed(kind):
-            return dimension
+            return row.dimension
     import pint
 
     if not _UNIT.fullmatch(unit):
         return None
     try:
         measured, of = _registry().parse_units(_spelled(unit)).dimensionality, _registry().get_dimensionality
-        return next((dimension for dimension, _ in KINDS.values() if of(dimension) == measured), "")
+        return next((row.dimension for row in KINDS.values() if of(row.dimension) == measured), "")
     except (pint.PintError, *_NOT_KNOWN):
         return None
 
