@@ -8,7 +8,7 @@ from xarray import Dataset
 
 from roughvol.analysis.creep import History
 from roughvol.report.figures.origin import fluid_note, origin, written
-from roughvol.report.figures.style import COLUMN, DASHES, STYLE, Drawing, canvas, legend, looks, unit_text
+from roughvol.report.figures.style import COLUMN, DASHES, STYLE, Drawing, axes, legend, looks, unit_text
 from roughvol.report.figures.ways import band_words
 
 
@@ -20,8 +20,7 @@ def drawing_of(over_time: History, run: Dataset) -> Drawing:
     shown = np.concatenate([np.concatenate([leak.value, leak.least]) for leak in leaks])
     floor = float(shown[shown > 0.0].min(initial=np.inf))
     with mpl.rc_context(STYLE):
-        fig = canvas(COLUMN, 2.8)
-        ax = fig.subplots()
+        fig, ax = axes(COLUMN, 2.8)
         for order, ((axis, leak), look) in enumerate(
             zip(over_time.leak.items(), looks(len(over_time.leak)), strict=True)
         ):

@@ -16,7 +16,7 @@ from roughvol.analysis.tables import spread
 from roughvol.observables.variables import columns_of
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import families, own, several, single
-from roughvol.report.figures.style import DASHES, GREY, LABELS, PAGE, A, Drawing, P, V, canvas, unit_of
+from roughvol.report.figures.style import DASHES, GREY, LABELS, PAGE, A, Drawing, P, V, axes, unit_of
 
 # Further panels, where they are stored: variable, label, and whether the axis is logarithmic.
 FURTHER = (
@@ -41,8 +41,8 @@ def path_loops(ds: Dataset) -> Drawing:
     if further is not None:
         names += [(name, further[1].format(name[-1]), further[2]) for name in columns_of(further[0])]
     rows = 2 if len(names) > 3 else 1
-    fig = canvas(PAGE, 2.5 * rows + 0.6)
-    panels = np.ravel(fig.subplots(rows, len(names) // rows))
+    fig, panels = axes(PAGE, 2.5 * rows + 0.6, len(names) // rows, rows)
+    panels = panels.ravel()
     legs = np.unique(ds["leg"].values)
     for family in some:
         for leg in legs:
@@ -79,8 +79,7 @@ def yielded_map(ds: Dataset) -> Drawing:
     """
     case, name = single(ds, "heights", "residual_heights")
     depth = own(case["heights"] - case["residual_heights"]) / float(case["Sq"])
-    fig = canvas(PAGE * 0.55, 3.4)
-    ax = fig.subplots()
+    fig, ax = axes(PAGE * 0.55, 3.4)
     yielded = np.where(depth.values > 0.0, depth.values, np.nan)
     x, y = depth["x"].values, depth["y"].values
     extent = (x[0], x[-1], y[0], y[-1])
