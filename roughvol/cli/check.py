@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 import roughvol
-from roughvol.cli.options import JOBS, JSON, SET, STUDY, examples, given, out
+from roughvol.cli.options import JOBS, JSON, SET, STUDY, command, given, out
 from roughvol.cli.output import count, say, say_json, size, warn
 from roughvol.study.values.durations import duration
 
@@ -19,9 +19,7 @@ MANY = 40  # steps of a sweep from which on the notice of fewer steps appears
 FEWER = "#         with a fourth of sweep.steps, leaks between the states change by up to 3 % (flow.md)"
 
 
-@click.command(
-    epilog=examples("roughvol check seal.yaml", "roughvol check scan.yaml --look", "roughvol check seal --json")
-)
+@command("roughvol check seal.yaml", "roughvol check scan.yaml --look", "roughvol check seal --json")
 @STUDY
 @click.option("--look", is_flag=True, help="Draw the surface of the first case as NAME-look.png.")
 @out("the current one; of --look alone")

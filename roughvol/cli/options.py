@@ -22,6 +22,11 @@ def examples(*lines: str) -> str:
     return "\n".join(["\b", "Examples:", *(f"  {line}" for line in lines)])
 
 
+def command(*lines: str) -> Callable[[Decorated], click.Command]:
+    """Return the decorator that makes a function a command with these examples."""
+    return click.command(epilog=examples(*lines))
+
+
 def given(study: Path, changes: tuple[str, ...]) -> Study | Path:
     """Return the study of standard input for ``-``, else the path of a study."""
     from roughvol.study import loads

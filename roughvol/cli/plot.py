@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from roughvol.cli.options import SET, completed_runs_and_figures, examples, out
+from roughvol.cli.options import SET, command, completed_runs_and_figures, out
 from roughvol.cli.output import csv_text, say, warn
 from roughvol.errors import DatasetError
 
@@ -20,12 +20,10 @@ INCH = {"mm": 1 / 25.4, "cm": 1 / 2.54, "in": 1.0, "": 1.0}
 PAPER = re.compile(r"fig\d\d[ab]?")  # names of the figures of the paper
 
 
-@click.command(
-    epilog=examples(
-        "roughvol plot                                     all figures of the latest run",
-        "roughvol plot effect_of_D fig04a v_of_p --format pdf",
-        "roughvol plot dry wet leak_of_p --size 120x80mm   two runs overlaid",
-    )
+@command(
+    "roughvol plot                                     all figures of the latest run",
+    "roughvol plot effect_of_D fig04a v_of_p --format pdf",
+    "roughvol plot dry wet leak_of_p --size 120x80mm   two runs overlaid",
 )
 @click.argument("names", metavar="[RUN]... [FIGURE]...", nargs=-1, shell_complete=completed_runs_and_figures)
 @click.option(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from roughvol.cli.options import FRESH, JOBS, JSON, SET, STUDY, completed_figures, examples, given, out
+from roughvol.cli.options import FRESH, JOBS, JSON, SET, STUDY, command, completed_figures, given, out
 from roughvol.cli.output import count, say, say_json, say_parts, warn
 from roughvol.errors import CampaignError
 from roughvol.study.values.durations import duration
@@ -25,12 +25,10 @@ EVENT_EVERY, PLAIN_EVERY = 1.0, 5.0  # seconds between two lines without a termi
 Draw = Callable[["Progress"], None]
 
 
-@click.command(
-    epilog=examples(
-        "roughvol run seal.yaml",
-        "roughvol run effect_of_D.yaml --jobs 4 --out /data/effect_of_D",
-        "roughvol run seal.yaml --set surface.m=7 --set name=finer",
-    )
+@command(
+    "roughvol run seal.yaml",
+    "roughvol run effect_of_D.yaml --jobs 4 --out /data/effect_of_D",
+    "roughvol run seal.yaml --set surface.m=7 --set name=finer",
 )
 @STUDY
 @JOBS

@@ -7,16 +7,14 @@ from functools import partial
 import click
 
 import roughvol
-from roughvol.cli.options import CSV, JSON, RUN, SET, at, examples
+from roughvol.cli.options import CSV, JSON, RUN, SET, at, command
 from roughvol.cli.output import say, say_numbers, say_parts
 
 
-@click.command(
-    epilog=examples(
-        "roughvol show seal                           its steps",
-        "roughvol show seal --at pressure=0.5MPa      the state at a load",
-        "roughvol show seal --csv > seal.csv          every surface and step, by stored names",
-    )
+@command(
+    "roughvol show seal                           its steps",
+    "roughvol show seal --at pressure=0.5MPa      the state at a load",
+    "roughvol show seal --csv > seal.csv          every surface and step, by stored names",
 )
 @RUN
 @at(several=True)
