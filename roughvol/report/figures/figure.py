@@ -94,7 +94,7 @@ def figures_of(
         for name, row in tables[module.__name__.rpartition(".")[2]].items():
             sentences = [row.pop("caption"), *(tables["shared"][key] for key in row.pop("shared", ()))]
             caption = " ".join(sentences) + (BAND if row.pop("band", False) else "")
-            given = {key: tuple(one) if isinstance(one, list) else one for key, one in row.items()}
+            given: dict[str, Any] = {key: tuple(one) if isinstance(one, list) else one for key, one in row.items()}
             given["cases"] = CASES[given.get("cases", "by_D")]
             found[name] = kind(getattr(module, name), caption, refuse=refusals.get(name), **given)
     return found
