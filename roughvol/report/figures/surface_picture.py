@@ -44,10 +44,9 @@ def look(surface: Surface, unit: str | None = None, title: str = "") -> Figure:
             histogram.set_title(f"{numbers}, lowest ${surface.pit:.3g}\\,S_q$")
         along_x = fig.add_subplot(grid[1, 0])
         along_y = fig.add_subplot(grid[1, 1], sharey=along_x)
-        names = ("x", "y")
         for ax, name, other, place, profile, at, fixed in (
-            (along_x, *names, x, z[:, column], x[row], y[column]),
-            (along_y, *names[::-1], y, z[row], y[column], x[row]),
+            (along_x, "x", "y", x, z[:, column], x[row], y[column]),
+            (along_y, "y", "x", y, z[row], y[column], x[row]),
         ):
             ax.axhline(0.0, color="0.6", lw=0.6, zorder=1)
             ax.plot(place, profile, color=CONTACT, lw=0.8)
