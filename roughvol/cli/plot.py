@@ -69,8 +69,8 @@ def plot(
         others = [name for name in names if name not in wanted]
     opened = [StoredRun.open(name, changes) for name in others] or [StoredRun.open()]
     alone = len(opened) == 1
-    stored = zip(names_of([run.file for run in opened]), opened, strict=True)
-    runs = [part for name, run in stored for part in content.parts(name, run.dataset, alone=alone)]
+    titles = names_of([run.file for run in opened])
+    runs = content.parts([(title, run.dataset) for title, run in zip(titles, opened, strict=True)])
     plotting.check_known(wanted, runs)
     drawings, refused = plotting.drawings(runs, wanted, alone=alone)
     folder = out or (opened[0].folder / "figures" if alone else Path("runs/compared"))

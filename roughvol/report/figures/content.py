@@ -68,12 +68,12 @@ class Named:
         return derived(self.dataset, study_of(self.dataset)) if "mean_pressure" in self.dataset else self.dataset
 
 
-def parts(name: str, ds: Dataset, *, alone: bool) -> list[Named]:
-    """Return the runs to overlay of a dataset: one for each combination of the lists of its study."""
-    return [
-        Named(", ".join(filter(None, ("" if alone and part.words else name, part.words))), part.dataset)
-        for part in parts_of(ds)
-    ]
+def parts(stored: Sequence[tuple[str, Dataset]]) -> list[Named]:
+    """Return the runs to overlay of datasets and their names: one for each combination of the lists of a study."""
+    found = [(name, part) for name, ds in stored for part in parts_of(ds)]
+    if len(stored) == 1:
+        return [Named(part.words or name, part.dataset) for name, part in found]
+    return [Named(", ".join(filter(None, (name, part.words))), part.dataset) for name, part in found]
 
 
 def missing(name: str, runs: Sequence[Named]) -> str | None:
