@@ -37,10 +37,10 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, as_json: 
 
     found = roughvol.check(given(study, changes), jobs=jobs, changes=changes)
     picture = _look(found, out or Path()) if look or out is not None else None
+    cases = found.study.cases()
     if as_json:
         say_json(found.plain() | {"picture": picture and str(picture)})
     else:
-        cases = found.study.cases()
         say(found.study.to_yaml())
         if found.surface is not None:
             say(interpretation.text(found.surface, cases[0], len(cases)))
@@ -54,7 +54,6 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, as_json: 
                 f"# {choice.name:9s} η/σ ≤ {choice.rtol:.0e}: about {duration(choice.seconds)}; "
                 f"errors about {f'{area:.0e}' if area else '0'} in A*, {pressure:.0e} of p*, {volume:.0e} in V*"
             )
-    cases = found.study.cases()
     cost.check_fits(cases, cases, found.folder)
 
 

@@ -30,10 +30,8 @@ def ensemble_cost(ds: Dataset) -> Drawing:
     dimensions = ds["D"].values
     levels = ds["m"].values
     counts = ds["ensemble_samples"].transpose("D", "m").values
-    for order, (D, look) in enumerate(zip(dimensions, looks(len(dimensions)), strict=True)):
-        one = ds.sel(D=D)
-        line = LINES[order % len(LINES)]
-        samples = counts[order]
+    for order, (D, samples, look) in enumerate(zip(dimensions, counts, looks(len(dimensions)), strict=True)):
+        one, line = ds.sel(D=D), LINES[order % len(LINES)]
         left.plot(levels, samples, ls=line, label=f"$D = {D:g}$", **look)
         middle.plot(levels, samples * one["ensemble_sample_cost"].values, ls=line, **look)
         _draw_intervals(right, one, line, look)

@@ -154,9 +154,8 @@ def _load_label(card: Card) -> str:
 
 def _shown(card: Card) -> SurfaceAtLoad | None:
     """Return the first surface with fields at the load: an open one if there is any."""
-    kept = [one for one in card.surfaces if "gap" in one.table]
-    solved = [one for one in kept if bool(_state(one)["gap"].notnull().any())]
-    return next((one for one in solved if one.leaks[0] > 0.0), next(iter(solved), None))
+    kept = [one for one in card.surfaces if "gap" in one.table and bool(_state(one)["gap"].notnull().any())]
+    return max(kept, key=lambda one: one.leaks[0] > 0.0, default=None)
 
 
 def _state(one: SurfaceAtLoad) -> Dataset:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from xarray import Dataset
 
+from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import Family, families
 from roughvol.report.figures.origin import study_of
 from roughvol.report.figures.style import GREY, PAGE, Drawing, axes, legend, marked, unit_of
@@ -41,10 +42,7 @@ def psd(ds: Dataset) -> Drawing:
     right.set(xlabel=r"waves up to $qL/2\pi$", ylabel=r"root mean square slope $h'_{\mathrm{rms}}$")
     for ax in (left, right):
         legend(ax, ", ".join([*filter(None, [title]), *([f"dotted: {_loaded_at(ds)}"] if "psd_loaded" in ds else [])]))
-    shown = {"surfaces": sorted({float(family.surfaces) for family in members})}
-    if "D" in ds.dims:
-        shown |= {"D": [family.value for family in members], "m": [float(members[0].data["m"])]}
-    fig.shown = shown
+    fig.shown = shown(members)
     return fig
 
 

@@ -284,10 +284,9 @@ def draw_ratio(ax: Axes, family: Family, members: list[Way], direction: str, *, 
     closings = sorted(member.closed if np.isfinite(member.closed) else np.inf for member in members)
     end = closings[len(members) // 2]  # from here on the median is closed
     kept = (~np.isnan(rows)).any(axis=0) & (at < end)
-    low, high = BAND
     if not kept.any():  # closed wherever the number was taken
         return bool(np.isfinite(end))
-    numbers: Any = np.nanpercentile(rows[:, kept], [low, 50.0, high], axis=0, method="inverted_cdf")
+    numbers: Any = np.nanpercentile(rows[:, kept], [BAND[0], 50.0, BAND[1]], axis=0, method="inverted_cdf")
     below, centre, above = np.clip(numbers, 0.1 * floor, 10.0 * top)
     ax.fill_between(at[kept], below, above, color=look["color"], alpha=FAINT, lw=0, zorder=2)
     lines = ax.plot(at[kept], centre, label=name, color=look["color"], ls=look["ls"], zorder=3)

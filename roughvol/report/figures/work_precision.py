@@ -95,12 +95,10 @@ def tradeoff_settings(ds: Dataset) -> Drawing:
     for shift, name in enumerate(QUANTITIES):
         error = _worst(kept, f"{name}_error")
         left.plot(places + 0.15 * (shift - 1), error, ls="", **LOOKS[name])
-    left.set_yscale("log")
-    left.set(ylabel="largest error of any state ($10^{-16}$: none)", xticks=places)
+    left.set(yscale="log", ylabel="largest error of any state ($10^{-16}$: none)", xticks=places)
     left.legend()
     right.plot(places, kept["seconds"].mean("surface").values, ls="", marker="D", color=LOOKS["mean_pressure"]["color"])
-    right.set_yscale("log")
-    right.set(ylabel="seconds a sweep", xticks=places)
+    right.set(yscale="log", ylabel="seconds a sweep", xticks=places)
     for ax in (left, right):
         ax.set_xticklabels(names, rotation=40, ha="right")
     return fig

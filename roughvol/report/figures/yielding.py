@@ -43,13 +43,12 @@ def path_loops(ds: Dataset) -> Drawing:
     rows = 2 if len(names) > 3 else 1
     fig, panels = axes(PAGE, 2.5 * rows + 0.6, len(names) // rows, rows)
     panels = panels.ravel()
-    legs = np.unique(ds["leg"].values)
+    dashes = {int(leg): DASHES[(int(leg) - 1) % len(DASHES)] for leg in np.unique(ds["leg"].values)}
     for family in some:
-        for leg in legs:
+        for leg, dash in dashes.items():
             begin = int(np.flatnonzero(ds["leg"].values == leg)[0])
             steps = slice(max(begin - 1, 0), begin + int((ds["leg"] == leg).sum()))
             part = averages(spread(family.data.isel(step=steps))[[load, *(name for name, *_ in names)]])
-            dash = DASHES[(int(leg) - 1) % len(DASHES)]
             for ax, (name, _, logarithmic) in zip(panels, names, strict=True):
                 computed = part[name].notnull().values
                 x, y = part[load].values[computed], part[name].values[computed]
@@ -61,8 +60,7 @@ def path_loops(ds: Dataset) -> Drawing:
         ax.set(xlabel=below, ylabel=f"{label} [{unit}]" if unit else label)
         ax.set_yscale("log" if logarithmic else "linear")
     handles = [Line2D([], [], color=family.look["color"], label=family.label) for family in some]
-    dashes = [DASHES[(int(leg) - 1) % len(DASHES)] for leg in legs]
-    handles += [Line2D([], [], color=GREY, ls=dash, label=f"leg {leg}") for leg, dash in zip(legs, dashes, strict=True)]
+    handles += [Line2D([], [], color=GREY, ls=dash, label=f"leg {leg}") for leg, dash in dashes.items()]
     number = several(family.surfaces for family in some)
     words = [title, f"mean of {number} surfaces, of leaks the median" if number else ""]
     if further is not None and further[0] == "leak_rate":
