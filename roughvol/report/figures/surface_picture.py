@@ -78,11 +78,8 @@ def _map(
     for line, place in ((ax.axvline, highest[0]), (ax.axhline, highest[1])):
         line(place, color="white", lw=0.5, ls=(0, (4, 4)))
     ax.plot(*highest, "o", mfc="none", mec=RING, ms=8, mew=1.2, clip_on=False)
-    ax.set(
-        xlabel=f"$x$ [{units[0]}]",
-        ylabel=f"$y$ [{units[0]}]",
-        title=f"{z.shape[0]} × {z.shape[1]} nodes, the highest in the ring",
-    )
+    ax.set(xlabel=f"$x$ [{units[0]}]", ylabel=f"$y$ [{units[0]}]")
+    ax.set_title(f"{z.shape[0]} × {z.shape[1]} nodes, the highest in the ring")
     beside = "bottom" if x[-1] > 1.3 * y[-1] else "right"
     bar = fig.colorbar(image, ax=ax, extend="both", shrink=0.9, pad=0.02, location=beside)
     bar.set_label(f"$z$ from the mean plane [{units[1]}]")
