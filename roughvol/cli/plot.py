@@ -63,10 +63,9 @@ def plot(
 
     inches = _inches(size)
     wanted = [name for name in names if name in plotting.names() and not Path(name).exists()]
+    if any(is_run(name) for name in names if name not in wanted):
+        wanted = [name for name in names if name in wanted or not is_run(name)]  # figures of a user's quantities too
     others = [name for name in names if name not in wanted]
-    if any(map(is_run, others)):  # the other names may be those of figures of a user's quantities
-        wanted = [name for name in names if name in wanted or not is_run(name)]
-        others = [name for name in names if name not in wanted]
     opened = [StoredRun.open(name, changes) for name in others] or [StoredRun.open()]
     alone = len(opened) == 1
     titles = names_of([run.file for run in opened])
