@@ -54,7 +54,6 @@ GROUPS = {
     },
 }
 """Commands by group, in the order of use; the module of a command has its name."""
-DOCUMENTATION = "Documentation: docs/index.md in the source of roughvol; make docs builds it as a site."
 
 
 class _Commands(click.Group):
@@ -190,7 +189,7 @@ def _chain(error: BaseException | None) -> Iterator[BaseException]:
         "roughvol show seal            its numbers; roughvol plot draws its figures",
         "roughvol explain sweep        keys of a study; roughvol explain free_volume: a stored variable",
         "",
-        DOCUMENTATION,
+        "Documentation: docs/index.md in the source of roughvol; make docs builds it as a site.",
     ),
 )
 @click.version_option(__version__)
