@@ -63,12 +63,8 @@ def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], fig
 
     several = isinstance(results, Mapping) and not hasattr(results, "attrs")  # a dataset is a mapping with attributes
     each: Mapping[str, Any] = results if several else {"": results}  # type: ignore[assignment]
-    stored = {str(name): opened(one) for name, one in each.items()}
-    runs = [
-        part
-        for name, run in stored.items()
-        for part in content.parts(name or run.name, run.dataset, alone=len(stored) == 1)
-    ]
+    stored = [(str(name), opened(one)) for name, one in each.items()]
+    runs = content.parts([(name or run.name, run.dataset) for name, run in stored])
     check_known([figure], runs)
     found, refused = drawings(runs, [figure], alone=len(stored) == 1)
     if len(found) == 1 and not refused:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 import roughvol
-from roughvol.cli.options import BUDGET, JOBS, JSON, RUN, SET, at, examples
+from roughvol.cli.options import BUDGET, JOBS, JSON, RUN, SET, at, command
 from roughvol.cli.output import say, say_json
 
 if TYPE_CHECKING:
@@ -26,13 +26,11 @@ NARROWS = {
 }
 
 
-@click.command(
-    epilog=examples(
-        'roughvol ask seal --leak-rate "1e-6 mm^3/s"                                the pressure needed',
-        'roughvol ask seal --leak-rate "1e-6 mm^3/s" --budget                       with the errors of a leak card',
-        'roughvol ask seal --leak-rate "1e-6 mm^3/s" --for modulus --at pressure=0.05MPa',
-        "roughvol ask seal --closed                                                 where the last way closes",
-    )
+@command(
+    'roughvol ask seal --leak-rate "1e-6 mm^3/s"                                the pressure needed',
+    'roughvol ask seal --leak-rate "1e-6 mm^3/s" --budget                       with the errors of a leak card',
+    'roughvol ask seal --leak-rate "1e-6 mm^3/s" --for modulus --at pressure=0.05MPa',
+    "roughvol ask seal --closed                                                 where the last way closes",
 )
 @RUN
 @click.option("--leak-rate", metavar="VALUE", help="Largest leak rate with its unit, as '1e-3 mm^3/s'.")

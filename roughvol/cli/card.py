@@ -4,22 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
 import roughvol
-from roughvol.cli.options import FRESH, JOBS, JSON, SET, STUDY, at, examples, given, out
+from roughvol.cli.options import FRESH, JOBS, JSON, SET, STUDY, at, command, given, out
 from roughvol.cli.output import say, say_json, say_table
 
 
-@click.command(
-    epilog=examples(
-        "roughvol card scan.yaml                                 at the end of its sweep",
-        "roughvol card scan.yaml --at pressure=0.3               at p* = 0.3",
-        'roughvol card scan.yaml --at "pressure=0.5 MPa"         at a nominal pressure; also load, mean_gap, …',
-        "roughvol card scan.yaml --at pressure=0.1MPa --at pressure=0.2MPa   a card at each load, and a table",
-        'roughvol card metal.yaml --at "pressure=0.1 GPa, leg 2" on the second leg of a path',
-        "roughvol card scan.yaml --at pressure=0.3 --json        numbers alone, for programs",
-    )
+@command(
+    "roughvol card scan.yaml                                 at the end of its sweep",
+    "roughvol card scan.yaml --at pressure=0.3               at p* = 0.3",
+    'roughvol card scan.yaml --at "pressure=0.5 MPa"         at a nominal pressure; also load, mean_gap, …',
+    "roughvol card scan.yaml --at pressure=0.1MPa --at pressure=0.2MPa   a card at each load, and a table",
+    'roughvol card metal.yaml --at "pressure=0.1 GPa, leg 2" on the second leg of a path',
+    "roughvol card scan.yaml --at pressure=0.3 --json        numbers alone, for programs",
 )
 @STUDY
 @at(several=True, default="last")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 import roughvol
-from roughvol.cli.options import JOBS, JSON, SET, STUDY, examples, given, out
+from roughvol.cli.options import JOBS, JSON, SET, STUDY, command, given, out
 from roughvol.cli.output import count, say, say_json, size, warn
 from roughvol.study.values.durations import duration
 
@@ -19,9 +19,7 @@ MANY = 40  # steps of a sweep from which on the notice of fewer steps appears
 FEWER = "#         with a fourth of sweep.steps, leaks between the states change by up to 3 % (flow.md)"
 
 
-@click.command(
-    epilog=examples("roughvol check seal.yaml", "roughvol check scan.yaml --look", "roughvol check seal --json")
-)
+@command("roughvol check seal.yaml", "roughvol check scan.yaml --look", "roughvol check seal --json")
 @STUDY
 @click.option("--look", is_flag=True, help="Draw the surface of the first case as NAME-look.png.")
 @out("the current one; of --look alone")
@@ -39,10 +37,10 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, as_json: 
 
     found = roughvol.check(given(study, changes), jobs=jobs, changes=changes)
     picture = _look(found, out or Path()) if look or out is not None else None
+    cases = found.study.cases()
     if as_json:
         say_json(found.plain() | {"picture": picture and str(picture)})
     else:
-        cases = found.study.cases()
         say(found.study.to_yaml())
         if found.surface is not None:
             say(interpretation.text(found.surface, cases[0], len(cases)))
@@ -56,7 +54,6 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, as_json: 
                 f"# {choice.name:9s} η/σ ≤ {choice.rtol:.0e}: about {duration(choice.seconds)}; "
                 f"errors about {f'{area:.0e}' if area else '0'} in A*, {pressure:.0e} of p*, {volume:.0e} in V*"
             )
-    cases = found.study.cases()
     cost.check_fits(cases, cases, found.folder)
 
 

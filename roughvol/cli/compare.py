@@ -5,17 +5,15 @@ from __future__ import annotations
 import click
 
 import roughvol
-from roughvol.cli.options import CSV, JSON, SET, at, completed_runs, examples
+from roughvol.cli.options import CSV, JSON, SET, at, command, completed_runs
 from roughvol.cli.output import say_numbers, say_table
 from roughvol.cli.show import check_one_form
 
 
-@click.command(
-    epilog=examples(
-        "roughvol compare metal_seal metal_seal_elastic",
-        "roughvol compare dry wet --at pressure=0.5MPa --at pressure=1MPa",
-        "roughvol compare seals                       the materials of a study with a list of them",
-    )
+@command(
+    "roughvol compare metal_seal metal_seal_elastic",
+    "roughvol compare dry wet --at pressure=0.5MPa --at pressure=1MPa",
+    "roughvol compare seals                       the materials of a study with a list of them",
 )
 @click.argument("run", nargs=-1, required=True, shell_complete=completed_runs)
 @at(several=True)

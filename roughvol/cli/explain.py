@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 import roughvol
-from roughvol.cli.options import examples
+from roughvol.cli.options import command
 from roughvol.cli.output import say
 from roughvol.report import terminal
 
@@ -28,14 +28,12 @@ def _names_with(context: click.Context, option: click.Parameter, start: str) -> 
     return [name for name in explained_names() if name.startswith(start)]
 
 
-@click.command(
-    epilog=examples(
-        "roughvol explain                      the sections of a study",
-        "roughvol explain surface.file         a key: values, default, meaning",
-        "roughvol explain free_volume          a variable of study.nc",
-        "roughvol explain helium               a gas: viscosity, molar mass, mean free path",
-        "roughvol explain mine:function        a quantity of your own; roughvol explain NAME: by its name in a run",
-    )
+@command(
+    "roughvol explain                      the sections of a study",
+    "roughvol explain surface.file         a key: values, default, meaning",
+    "roughvol explain free_volume          a variable of study.nc",
+    "roughvol explain helium               a gas: viscosity, molar mass, mean free path",
+    "roughvol explain mine:function        a quantity of your own; roughvol explain NAME: by its name in a run",
 )
 @click.argument("name", required=False, shell_complete=_names_with)
 def explain(name: str | None) -> None:

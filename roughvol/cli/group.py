@@ -13,21 +13,14 @@ from typing import Any
 
 import click
 
-from roughvol import spellings
+from roughvol import errors, spellings
 from roughvol._version import __version__
 from roughvol.campaign import machine, signals
 from roughvol.cli.options import examples
 from roughvol.cli.output import count, say, silence, warn
-from roughvol.errors import (
-    CampaignError,
-    ContactError,
-    ConvergenceError,
-    RoughvolDeprecation,
-    RoughvolError,
-    StudyError,
-)
 
 FAILED, BAD_INPUT = 1, 2
+OF_RUNS = errors.CampaignError | errors.ContactError | errors.ConvergenceError  # they make the exit code FAILED
 BY_SIGNAL = 128  # plus the number of the signal: 130 by Ctrl-C, 143 by SIGTERM, 129 by SIGHUP
 LIGHT = ("schema", "status", "ls", "init", "explain", "licences")  # commands that import no library for computations
 CURABLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENAMETOOLONG)
@@ -61,7 +54,6 @@ GROUPS = {
     },
 }
 """Commands by group, in the order of use; the module of a command has its name."""
-DOCUMENTATION = "Documentation: docs/index.md in the source of roughvol; make docs builds it as a site."
 
 
 class _Commands(click.Group):
@@ -104,9 +96,9 @@ class _Commands(click.Group):
         except KeyboardInterrupt as error:
             say("interrupted; finished cases are kept, and the same command continues the run", err=True)
             ctx.exit(BY_SIGNAL + signals.number_of(error))
-        except RoughvolError as error:
+        except errors.RoughvolError as error:
             say(_message(error), err=True)
-            ctx.exit(FAILED if isinstance(error, CampaignError | ContactError | ConvergenceError) else BAD_INPUT)
+            ctx.exit(FAILED if isinstance(error, OF_RUNS) else BAD_INPUT)
         except (MemoryError, ImportError, OSError, RuntimeError) as error:
             if machine.is_lack_of_memory(error):
                 first = str(error).strip().splitlines()
@@ -150,11 +142,11 @@ def _without_dask() -> Iterator[None]:
 def _said() -> Iterator[None]:
     """Print former spellings as warnings, each once."""
     with warnings.catch_warnings():
-        warnings.simplefilter("once", RoughvolDeprecation)
+        warnings.simplefilter("once", errors.RoughvolDeprecation)
         show = warnings.showwarning
 
         def say_one(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
-            if issubclass(category, RoughvolDeprecation):
+            if issubclass(category, errors.RoughvolDeprecation):
                 warn([str(message)])
             else:
                 show(message, category, *place, **more)
@@ -163,9 +155,9 @@ def _said() -> Iterator[None]:
         yield
 
 
-def _message(error: RoughvolError) -> str:
+def _message(error: errors.RoughvolError) -> str:
     """Return an error as text; the problems of a study line by line."""
-    if isinstance(error, StudyError):
+    if isinstance(error, errors.StudyError):
         lines = [f"  {problem}" for problem in error.problems]
         return "\n".join([f"{count(len(lines), 'problem')} in the study", *lines])
     return f"error: {error}"
@@ -197,7 +189,7 @@ def _chain(error: BaseException | None) -> Iterator[BaseException]:
         "roughvol show seal            its numbers; roughvol plot draws its figures",
         "roughvol explain sweep        keys of a study; roughvol explain free_volume: a stored variable",
         "",
-        DOCUMENTATION,
+        "Documentation: docs/index.md in the source of roughvol; make docs builds it as a site.",
     ),
 )
 @click.version_option(__version__)

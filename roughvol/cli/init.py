@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem
 
-from roughvol.cli.options import SET, Completed, examples
+from roughvol.cli.options import SET, Completed, command
 from roughvol.cli.output import say
 from roughvol.errors import FolderError, StudyError
 from roughvol.report import terminal
@@ -33,13 +33,11 @@ def _examples_with(context: click.Context, option: click.Parameter, start: str) 
     return [name for name in _examples() if name.startswith(start)] or [CompletionItem(start, type="file")]
 
 
-@click.command(
-    epilog=examples(
-        "roughvol init                list the examples",
-        "roughvol init seal           write seal.yaml into the current folder",
-        "roughvol init face.xyz       write face.yaml, a study of this height map",
-        "roughvol init face.npy --set surface.L='500 um' --set surface.heights_unit=um",
-    )
+@command(
+    "roughvol init                list the examples",
+    "roughvol init seal           write seal.yaml into the current folder",
+    "roughvol init face.xyz       write face.yaml, a study of this height map",
+    "roughvol init face.npy --set surface.L='500 um' --set surface.heights_unit=um",
 )
 @click.argument("example", required=False, shell_complete=_examples_with, metavar="[EXAMPLE|FILE]")
 @click.option("--list", "listing", is_flag=True, help="List the examples and write nothing.")

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-import click
-
 import roughvol
-from roughvol.cli.options import JSON, examples
+from roughvol.cli.options import JSON, command
 from roughvol.cli.output import count, say, say_json
 from roughvol.report import terminal
 
@@ -17,7 +15,7 @@ NOTES = {
 }
 
 
-@click.command(epilog=examples("roughvol licences", "roughvol licences --json > licences.json"))
+@command("roughvol licences", "roughvol licences --json > licences.json")
 @JSON
 def licences(as_json: bool) -> None:
     """List the licences of roughvol and of the installed packages that it needs.

@@ -7,13 +7,13 @@ from pathlib import Path
 import click
 
 import roughvol
-from roughvol.cli.options import JSON, examples
+from roughvol.cli.options import JSON, command
 from roughvol.cli.output import say, say_json, size
 from roughvol.report import terminal
 from roughvol.study.values.durations import duration
 
 
-@click.command(epilog=examples("roughvol ls", "roughvol ls /data/runs", "roughvol ls --json"))
+@command("roughvol ls", "roughvol ls /data/runs", "roughvol ls --json")
 @click.argument("folder", type=click.Path(path_type=Path), default=Path("runs"), metavar="[FOLDER]")
 @JSON
 def ls(folder: Path, as_json: bool) -> None:

@@ -22,6 +22,11 @@ def examples(*lines: str) -> str:
     return "\n".join(["\b", "Examples:", *(f"  {line}" for line in lines)])
 
 
+def command(*lines: str) -> Callable[[Decorated], click.Command]:
+    """Return the decorator that makes a function a command with these examples."""
+    return click.command(epilog=examples(*lines))
+
+
 def given(study: Path, changes: tuple[str, ...]) -> Study | Path:
     """Return the study of standard input for ``-``, else the path of a study."""
     from roughvol.study import loads
@@ -86,7 +91,6 @@ JOBS = click.option("--jobs", "-j", type=click.IntRange(min=1), metavar="N", hel
 FRESH = click.option("--fresh", is_flag=True, help="Compute every case anew, finished ones too.")
 CSV = click.option("--csv", "as_csv", is_flag=True, help="Comma-separated values.")
 JSON = click.option("--json", "as_json", is_flag=True, help="JSON with the units.")
-WHERE = "KIND=VALUE[, leg N]"
 
 
 def at(*, several: bool, default: str | None = None) -> Callable[[Decorated], Decorated]:
@@ -98,7 +102,7 @@ def at(*, several: bool, default: str | None = None) -> Callable[[Decorated], De
         multiple=several,
         default=(default,) if several and default else default,
         show_default=default is not None,
-        metavar=WHERE,
+        metavar="KIND=VALUE[, leg N]",
         shell_complete=completed_states,
         help=words + ("; repeatable." if several else "."),
     )

@@ -10,7 +10,7 @@ import math
 import os
 import stat
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -20,6 +20,7 @@ from roughvol.report import terminal
 from roughvol.store import stamped_file
 
 if TYPE_CHECKING:
+    from roughvol.analysis.stored_run import Run
     from roughvol.analysis.tables import Table
 
 
@@ -63,6 +64,13 @@ def _is_device(stream: TextIO) -> bool:
 def say_table(table: Table) -> None:
     """Print a table with its title above and its note below."""
     say("\n".join(terminal.table_lines(table)))
+
+
+def say_parts(run: Run, tables: Callable[[Run], Iterable[Table]]) -> None:
+    """Print the tables of each combination of a run, with the combination in front of their titles."""
+    for part in run.parts:
+        for table in tables(part):
+            say_table(table.under(part.name.removeprefix(run.name).removeprefix(", ")))
 
 
 def say_numbers(

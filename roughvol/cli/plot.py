@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from roughvol.cli.options import SET, completed_runs_and_figures, examples, out
+from roughvol.cli.options import SET, command, completed_runs_and_figures, out
 from roughvol.cli.output import csv_text, say, warn
 from roughvol.errors import DatasetError
 
@@ -20,12 +20,10 @@ INCH = {"mm": 1 / 25.4, "cm": 1 / 2.54, "in": 1.0, "": 1.0}
 PAPER = re.compile(r"fig\d\d[ab]?")  # names of the figures of the paper
 
 
-@click.command(
-    epilog=examples(
-        "roughvol plot                                     all figures of the latest run",
-        "roughvol plot effect_of_D fig04a v_of_p --format pdf",
-        "roughvol plot dry wet leak_of_p --size 120x80mm   two runs overlaid",
-    )
+@command(
+    "roughvol plot                                     all figures of the latest run",
+    "roughvol plot effect_of_D fig04a v_of_p --format pdf",
+    "roughvol plot dry wet leak_of_p --size 120x80mm   two runs overlaid",
 )
 @click.argument("names", metavar="[RUN]... [FIGURE]...", nargs=-1, shell_complete=completed_runs_and_figures)
 @click.option(
@@ -65,14 +63,13 @@ def plot(
 
     inches = _inches(size)
     wanted = [name for name in names if name in plotting.names() and not Path(name).exists()]
+    if any(is_run(name) for name in names if name not in wanted):
+        wanted = [name for name in names if name in wanted or not is_run(name)]  # figures of a user's quantities too
     others = [name for name in names if name not in wanted]
-    if any(map(is_run, others)):  # the other names may be those of figures of a user's quantities
-        wanted = [name for name in names if name in wanted or not is_run(name)]
-        others = [name for name in names if name not in wanted]
     opened = [StoredRun.open(name, changes) for name in others] or [StoredRun.open()]
     alone = len(opened) == 1
-    stored = zip(names_of([run.file for run in opened]), opened, strict=True)
-    runs = [part for name, run in stored for part in content.parts(name, run.dataset, alone=alone)]
+    titles = names_of([run.file for run in opened])
+    runs = content.parts([(title, run.dataset) for title, run in zip(titles, opened, strict=True)])
     plotting.check_known(wanted, runs)
     drawings, refused = plotting.drawings(runs, wanted, alone=alone)
     folder = out or (opened[0].folder / "figures" if alone else Path("runs/compared"))

@@ -7,12 +7,12 @@ from pathlib import Path
 import click
 
 import roughvol
-from roughvol.cli.options import JSON, SET, completed_runs, examples, out
+from roughvol.cli.options import JSON, SET, command, completed_runs, out
 from roughvol.cli.output import count, say, say_json, warn
 from roughvol.errors import CampaignError
 
 
-@click.command(epilog=examples("roughvol report", "roughvol report effect_of_D effect_of_m --out /tmp/report"))
+@command("roughvol report", "roughvol report effect_of_D effect_of_m --out /tmp/report")
 @click.argument("run", nargs=-1, shell_complete=completed_runs)
 @out("the run, or runs/report")
 @click.option(

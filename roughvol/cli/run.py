@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from roughvol.cli.options import FRESH, JOBS, JSON, SET, STUDY, completed_figures, examples, given, out
-from roughvol.cli.output import count, say, say_json, say_table, warn
+from roughvol.cli.options import FRESH, JOBS, JSON, SET, STUDY, command, completed_figures, given, out
+from roughvol.cli.output import count, say, say_json, say_parts, warn
 from roughvol.errors import CampaignError
 from roughvol.study.values.durations import duration
 
 if TYPE_CHECKING:
+    from roughvol.analysis.stored_run import Run
     from roughvol.campaign.batch import Progress
     from roughvol.store.dataset import Dataset
 
@@ -24,12 +25,10 @@ EVENT_EVERY, PLAIN_EVERY = 1.0, 5.0  # seconds between two lines without a termi
 Draw = Callable[["Progress"], None]
 
 
-@click.command(
-    epilog=examples(
-        "roughvol run seal.yaml",
-        "roughvol run effect_of_D.yaml --jobs 4 --out /data/effect_of_D",
-        "roughvol run seal.yaml --set surface.m=7 --set name=finer",
-    )
+@command(
+    "roughvol run seal.yaml",
+    "roughvol run effect_of_D.yaml --jobs 4 --out /data/effect_of_D",
+    "roughvol run seal.yaml --set surface.m=7 --set name=finer",
 )
 @STUDY
 @JOBS
@@ -62,8 +61,10 @@ def run(
     """
     started = time.monotonic()
     from roughvol import plotting
+    from roughvol.analysis.stored_run import Run
     from roughvol.campaign import execution, signals
     from roughvol.questions import study_of
+    from roughvol.report import screen
 
     loaded, folder = study_of(given(study, changes), changes)
     folder = out or folder
@@ -87,13 +88,14 @@ def run(
             only=only,
         )
     assert last is not None
-    seconds = time.monotonic() - started
+    seconds, named = time.monotonic() - started, Run.of(loaded.name, results)
     if as_json:
-        _say_record(loaded.name, results, last, folder / "study.nc", seconds)
+        _say_record(named, last, folder / "study.nc", seconds)
         return
     before = f", {last.kept} of them finished before" if last.kept else ""
     say(f"{count(last.cases, 'case')} in {duration(seconds)}{before}")
-    _say_numbers(loaded.name, results)
+    if "step" in results.sizes:
+        say_parts(named, screen.summary)
     say("\n".join([*_summary(results, folder / "study.nc"), str(folder / "study.nc")]))
     warn(results.attrs["warnings"].splitlines())
 
@@ -102,28 +104,15 @@ def _say_how_to_stop() -> None:
     say("stopping after the cases at work; Ctrl-C again stops at once", err=True)
 
 
-def _say_numbers(name: str, results: Dataset) -> None:
-    """Print the chief states of a run, and where its ways through the gap close."""
-    if "step" not in results.sizes:
-        return
-    from roughvol.analysis.stored_run import Run
-    from roughvol.report import screen
-
-    for part in Run.of(name, results).parts:
-        for table in screen.summary(part):
-            say_table(table if part.name == name else table.under(part.name.removeprefix(f"{name}, ")))
-
-
-def _say_record(name: str, results: Dataset, last: Progress, file: Path, seconds: float) -> None:
+def _say_record(run: Run, last: Progress, file: Path, seconds: float) -> None:
     """Print a run as JSON: its cases, the numbers of all surfaces as `show --json` has them, and its warnings."""
-    from roughvol.analysis.stored_run import Run
     from roughvol.report import screen
 
-    names, rows, units = screen.records(Run.of(name, results)) if "step" in results.sizes else ([], [], {})
+    names, rows, units = screen.records(run) if "step" in run.dataset.sizes else ([], [], {})
     cases = {"cases": last.cases, "finished_before": last.kept, "seconds": round(seconds, 3)}
     table = {"units": units, "rows": [dict(zip(names, row, strict=True)) for row in rows]}
-    answer = {name: results.attrs.get(name, "").splitlines() for name in ("answer", "warnings")}
-    say_json({"run": name, "file": str(file), **cases, **table, **answer})
+    answer = {name: run.dataset.attrs.get(name, "").splitlines() for name in ("answer", "warnings")}
+    say_json({"run": run.name, "file": str(file), **cases, **table, **answer})
 
 
 def _summary(results: Dataset, path: Path) -> list[str]:

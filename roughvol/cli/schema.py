@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 
-import click
-
-from roughvol.cli.options import examples
+from roughvol.cli.options import command
 from roughvol.cli.output import say
 
 
-@click.command(epilog=examples("roughvol schema > study.schema.json"))
+@command("roughvol schema > study.schema.json")
 def schema() -> None:
     """Print the JSON schema of study files, for completion and checks in editors."""
     from roughvol.study import json_schema

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import click
 
 import roughvol
-from roughvol.cli.options import CSV, JSON, RUN, SET, at, examples
-from roughvol.cli.output import say, say_numbers, say_table
+from roughvol.cli.options import CSV, JSON, RUN, SET, at, command
+from roughvol.cli.output import say, say_numbers, say_parts
 
 
-@click.command(
-    epilog=examples(
-        "roughvol show seal                           its steps",
-        "roughvol show seal --at pressure=0.5MPa      the state at a load",
-        "roughvol show seal --csv > seal.csv          every surface and step, by stored names",
-    )
+@command(
+    "roughvol show seal                           its steps",
+    "roughvol show seal --at pressure=0.5MPa      the state at a load",
+    "roughvol show seal --csv > seal.csv          every surface and step, by stored names",
 )
 @RUN
 @at(several=True)
@@ -39,9 +39,7 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool, 
         say_numbers(found.name, *roughvol.show(found, states), as_csv=as_csv)
         return
     named = Run.of(found.name, found.dataset)
-    for part in named.parts:
-        for table in screen.shown(part, levels(states)):
-            say_table(table.under(part.name.removeprefix(named.name).removeprefix(", ")))
+    say_parts(named, partial(screen.shown, levels=levels(states)))
     if answer := named.dataset.attrs.get("answer"):
         say(answer)
 

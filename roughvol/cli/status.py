@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import asdict
 from pathlib import Path
 
-import click
-
 import roughvol
-from roughvol.cli.options import JSON, SET, STUDY, examples, given
+from roughvol.cli.options import JSON, SET, STUDY, command, given
 from roughvol.cli.output import count, say, say_json
 from roughvol.study.values.durations import duration
 
 SHOWN = 50  # cases of one state that are listed
 
 
-@click.command(epilog=examples("roughvol status effect_of_D", "roughvol status /data/effect_of_D --json"))
+@command("roughvol status effect_of_D", "roughvol status /data/effect_of_D --json")
 @STUDY
 @JSON
 @SET

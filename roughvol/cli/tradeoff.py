@@ -5,14 +5,12 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import click
-
 import roughvol
-from roughvol.cli.options import JSON, SET, STUDY, examples, given, out
+from roughvol.cli.options import JSON, SET, STUDY, command, given, out
 from roughvol.cli.output import say, say_json
 
 
-@click.command(epilog=examples("roughvol tradeoff tradeoff.yaml"))
+@command("roughvol tradeoff tradeoff.yaml")
 @STUDY
 @out("runs/NAME")
 @JSON

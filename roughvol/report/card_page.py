@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -46,9 +46,8 @@ def document(page: Page) -> Document:
     """Return a card as a page: answers, drawings, each way, and what the card rests on."""
     card = page.card
     facts, kept, exceeded = card_text.rests_on(page.fine)
-    drawn = tuple(
-        Drawing(panel.name, panel.caption, "", leak_card.drawing_of(card, panel)) for panel in leak_card.panels(card)
-    )
+    panels = leak_card.panels(card)
+    drawn = tuple(Drawing(panel.name, panel.caption, "", leak_card.drawing_of(card, panel)) for panel in panels)
     answers = tuple((f"Along {way.axis}", card_text.answer(card, way)) for way in card.ways)
     if card.seal is not None:
         answers = (("The seal", card_text.seal(card.seal)), *answers)
@@ -57,8 +56,8 @@ def document(page: Page) -> Document:
     parts = [
         Section(kind="answer", notes=(f"At {card_text.load_of(card)}.",), facts=answers),
         Section(kind="card", notes=(card_text.patch(card),), drawings=drawn),
-        Section(kind="pair", sections=tuple(_way(card, way) for way in card.ways)),
-        *([_seal(card.seal)] if card.seal is not None else []),
+        Section(kind="pair", sections=tuple(_way(f"Along {way.axis}", card, way) for way in card.ways)),
+        *([_seal(f"The seal of {card.seal.label}", card.seal)] if card.seal is not None else []),
         *([Section("Surfaces", tables=(card_text.surfaces(card),))] if len(card.surfaces) > 1 else []),
         Section("What the card rests on", facts=(*card_text.load_facts(card), *facts)),
         Section("Limits of the model, over the states of the sweep", sections=(limits, *held)),
@@ -67,34 +66,34 @@ def document(page: Page) -> Document:
     return Document(f"Leak card: {card.title}", sections=tuple(parts))
 
 
-def _way(card: Card, way: Way) -> Section:
+def _way(title: str, card: Card, way: Way) -> Section:
     """Return where a way closes, and the error of its leak."""
-    words = (*card_text.details(way), *card_text.closes(card, way))
-    lines = tuple(line[:1].upper() + line[1:] + "." for line in words)
-    rows = tuple((name, factor.replace(" ", NARROW), words) for name, factor, words in card_text.budget(way))
-    return Section(f"Along {way.axis}", notes=lines, tables=(Table("", card_text.HEAD, rows),))
+    return _leak(title, [*card_text.details(way), *card_text.closes(card, way)], way)
 
 
-def _seal(seal: SealLeak) -> Section:
+def _seal(title: str, seal: SealLeak) -> Section:
     """Return how the leak of a seal was found, and its error."""
-    lines = tuple(card_text.micro(f"{line[:1].upper()}{line[1:]}.") for line in seal.words)
-    rows = tuple((name, factor.replace(" ", NARROW), words) for name, factor, words in card_text.budget(seal))
-    return Section(f"The seal of {seal.label}", notes=lines, tables=(Table("", card_text.HEAD, rows),))
+    return _leak(title, map(card_text.micro, seal.words), seal)
+
+
+def _leak(title: str, words: Iterable[str], leak: Way | SealLeak) -> Section:
+    """Return words on a leak as sentences, and its error."""
+    lines = tuple(f"{line[:1].upper()}{line[1:]}." for line in words)
+    rows = tuple((name, factor.replace(" ", NARROW), words) for name, factor, words in card_text.budget(leak))
+    return Section(title, notes=lines, tables=(Table("", card_text.HEAD, rows),))
 
 
 def brief(page: Page) -> Section:
     """Return a card for a terminal: load, leaks with their errors, and warnings."""
     card = page.card
     length = f" {card.length_unit}" if card.length_unit else ""
-    surfaces = (
-        ("Surface", f"{one.name}, Sq {card_text.short(one.Sq)}{length}, Sdq {card_text.short(one.Sdq)}")
-        for one in card.surfaces
-    )
+    sizes = (f"Sq {card_text.short(one.Sq)}{length}, Sdq {card_text.short(one.Sdq)}" for one in card.surfaces)
+    surfaces = [("Surface", f"{one.name}, {size}") for one, size in zip(card.surfaces, sizes, strict=True)]
     found, _, exceeded = card_text.rests_on(page.fine)
     facts = (*surfaces, *card_text.load_facts(card), *(fact for fact in found if fact[0] in card_text.FLUID))
-    ways = (replace(_way(card, way), title=f"along {way.axis}: {card_text.answer(card, way)}") for way in card.ways)
+    ways = (_way(f"along {way.axis}: {card_text.answer(card, way)}", card, way) for way in card.ways)
     warnings = tuple(f"warning: {line}" for line in exceeded)
-    seal = (replace(_seal(card.seal), title=f"The seal {card_text.seal(card.seal)}"),) if card.seal is not None else ()
+    seal = [_seal(f"The seal {card_text.seal(card.seal)}", card.seal)] if card.seal is not None else []
     return Section(facts=facts, sections=(*seal, *ways, Section(notes=(card_text.patch(card),), items=warnings)))
 
 
@@ -111,11 +110,7 @@ def table_of(pages: Sequence[Page]) -> Table:
         if (seal := card.seal) is not None:
             known = math.isfinite(seal.closing)
             tight = f"{number(seal.closing)} {seal.load_unit}".strip() if known else card_text.short(seal.closing)
-            row += [
-                card_text.short(seal.leak),
-                card_text.factor(seal.factor, seal.smaller),
-                tight,
-            ]
+            row += [card_text.short(seal.leak), card_text.factor(seal.factor, seal.smaller), tight]
         rows.append(tuple(row))
     heads = [head for way in ways for head in (f"leak {way.axis}{unit}", "error", f"{way.axis} closes")]
     heads += [f"leak of the seal{unit}", "error", "seal closes"] if pages[0].card.seal is not None else []

@@ -92,11 +92,8 @@ def _run(run: Run, figures: Mapping[str, Figure], anchor: str) -> Section:
     """Return the section of one run: its surface, how it was pressed, its states, its figures."""
     found = facts(run)
     parts = [Section("Warnings", kind="warnings", items=found.warnings)] if found.warnings else []
-    parts.append(
-        Section(
-            kind="pair", sections=(Section("Surface", facts=found.surface), Section("Loading", facts=found.loading))
-        )
-    )
+    pair = Section("Surface", facts=found.surface), Section("Loading", facts=found.loading)
+    parts.append(Section(kind="pair", sections=pair))
     parts += [Section(t.title, folded="" if k < OPEN else "closed", tables=(t,)) for k, t in enumerate(found.tables)]
     drawn = tuple(drawing._replace(name=f"{anchor}-{drawing.name}") for drawing in drawings_of(run, figures))
     parts += [Section("Figures", drawings=drawn)] if drawn else []

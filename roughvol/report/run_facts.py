@@ -141,8 +141,8 @@ def _map(run: Run) -> Pairs:
 
 def _sides(ds: Dataset) -> str:
     """Return what follows beyond the sides of a surface, in words; empty for a run of a version without the key."""
-    sides = next((sides for sides in BEYOND if sides == ds.attrs.get("sides")), None)
-    return "" if sides is None else f"{sides}: {BEYOND[sides]}"
+    sides = ds.attrs.get("sides")
+    return f"{sides}: {BEYOND[sides]}" if sides in BEYOND else ""
 
 
 def _missing(ds: Dataset, nodes: tuple[int, int] | None) -> str:
@@ -257,8 +257,9 @@ def _loading(run: Run) -> Pairs:
 
 def _pressed(study: Study, region: str) -> list[tuple[str, str]]:
     """Return material, sweep and solver of a study; texts that do not apply are empty."""
-    material, sweep = study.material, study.sweep
+    material, sweep, seal = study.material, study.sweep, study.seal
     unit = f" {material.unit}" if material.unit else ""
+    leaks = f"{seal.label}, flow along {seal.flow}; Q is the leak of the patch, Q_seal that of the seal" if seal else ""
     hardness, solver = "", ""
     if material.indentation_hardness is not None:
         acts = "pressures end there" if material.plastic else "for comparison alone, no yield is computed"
@@ -274,18 +275,8 @@ def _pressed(study: Study, region: str) -> list[tuple[str, str]]:
         ("Sweep", legs if sweep.steps else "none, surfaces alone"),
         ("Solver", solver),
         ("Region observed", region if study.record.region is not None else ""),
-        ("Seal", _seal(study)),
+        ("Seal", leaks),
     ]
-
-
-def _seal(study: Study) -> str:
-    """Return the seal of a study in words; empty without one."""
-    seal = study.seal
-    return (
-        ""
-        if seal is None
-        else f"{seal.label}, flow along {seal.flow}; Q is the leak of the patch, Q_seal that of the seal"
-    )
 
 
 # states

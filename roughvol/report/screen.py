@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -90,23 +91,18 @@ def summary(run: Run) -> list[Table]:
     """Return the table after a run: ends of legs and recorded levels, and where the ways through the gap close."""
     named = _named(run)
     found = _of_groups("short", [(name, state) for name, group in named for state in _chief(run, group)])
-    between = RULE if any("=" in row.state.label for row in found.rows) else ""  # flows are those of the steps
-    return [
-        found.table("", *found.notes(), *filter(None, [between])),
-        *closing([(name, first_leg(group)) for name, group in named]),
-    ]
+    between = any("=" in row.state.label for row in found.rows)  # else flows are those of the steps
+    table = found.table("", *found.notes(), *[RULE] * between)
+    return [table, *closing([(name, first_leg(group)) for name, group in named])]
 
 
 def _chief(run: Run, group: Dataset) -> Iterator[State]:
     """Yield the levels asked for that any surface reaches, then the end of each leg, or all listed loads."""
     labels = [str(label) for dim in STATES if dim in group.dims for label in group[dim].values.tolist()]
     for label in dict.fromkeys(labels):
-        if "=" not in label or label.startswith("step"):
-            continue
-        try:
-            yield at(run, group, parse(label))
-        except DatasetError:
-            continue  # the summary of a run names levels that no surface reaches
+        if "=" in label and not label.startswith("step"):
+            with contextlib.suppress(DatasetError):  # the summary of a run names levels that no surface reaches
+                yield at(run, group, parse(label))
     legs = legs_of(group)
     sweeps = run.study.sweep.legs if run.study else ()
     solved = group[P].notnull().any("seed").values

@@ -19,7 +19,6 @@ from roughvol.observables.variables import columns
 P = "mean_pressure"
 IN_PLACE: Mapping[str, Mapping[str, str]] = {
     "short": {"nominal_pressure": P},
-    "steps": {},
     "states": {"nominal_pressure": P, "leak_rate_x": "transmissivity"},
 }
 """By table: a column with a unit that stands in the place of starred columns, which stay in study.nc."""
@@ -52,7 +51,7 @@ class States:
         """Return states with the columns of a table: short, steps or states."""
         data = [row.data for row in rows]
         held = [name for name in columns(table) if any(name in ds and bool(ds[name].notnull().any()) for ds in data)]
-        for dimensional, starred in IN_PLACE[table].items():
+        for dimensional, starred in IN_PLACE.get(table, {}).items():
             if dimensional in held and all(dimensional in ds for ds in data):
                 held = [name for name in held if not name.startswith(starred)]
         return cls(tuple(heads), tuple(rows), tuple(held))
@@ -61,10 +60,8 @@ class States:
         """Return the states as text, with the convention over surfaces in front of the notes."""
         most = max((row.state.surfaces for row in self.rows), default=1)
         variables = [next(row.data[name] for row in self.rows if name in row.data) for name in self.columns]
-        lines = [
-            (*row.labels, *(cell(row.data[name]) if name in row.data else "" for name in self.columns))
-            for row in self.rows
-        ]
+        cells = ([cell(row.data[name]) if name in row.data else "" for name in self.columns] for row in self.rows)
+        lines = [(*row.labels, *numbers) for row, numbers in zip(self.rows, cells, strict=True)]
         note = " ".join(filter(None, [self._convention(), *notes]))
         return Table(title, (*self.heads, *(head(variable, most) for variable in variables)), tuple(lines), note)
 

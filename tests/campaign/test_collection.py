@@ -165,7 +165,7 @@ def test_many_combinations_leave_room_for_their_figure() -> None:
     text = "surface: {D: 2.3, m: 2, seeds: 1}\nmaterial: {E: [1, 2, 3, 4, 5, 6, 7, 8], nu: [0.3, 0.5]}\n"
     text += "sweep: {steps: 2}\nrecord: {region: [none, {x: [0, 0.5], y: [0, 1]}]}"
     roughvol.run(loads(text, "many.yaml"), jobs=1)
-    figure = content.draw("v_of_p", content.parts("many", dataset.read(Path("runs/many/study.nc")), alone=True))
+    figure = content.draw("v_of_p", content.parts([("many", dataset.read(Path("runs/many/study.nc")))]))
     figure.draw_without_rendering()  # a warning of matplotlib is an error of the test
     box = figure.axes[0].get_window_extent()
     assert box.height > 1.4 * figure.dpi

@@ -120,15 +120,15 @@ def _section(part: Section, width: float, size: float) -> list[Line]:
         found += _columns(_halves([_facts([fact], HALF, size, Piece(0.0, "", colour=GREY)) for fact in part.facts]))
     for table in part.tables:
         found += _table(table, width, size)
-    items = [f"{part.under} {'; '.join(part.items)}."] if part.under else [f"•  {item}" for item in _most(part.items)]
+    listed = [f"•  {item}" for item in (*part.items[:MOST], *_left(part.items))]
+    items = [f"{part.under} {'; '.join(part.items)}."] if part.under else listed
     found += [line for item in items for line in _paragraph(item, width, size)]
     return [*found, *(line for inner in part.sections for line in _section(inner, width, size))]
 
 
-def _most(items: Sequence[str]) -> list[str]:
-    """Return the items that the page has."""
-    left = len(items) - MOST
-    return [*items[:MOST], f"and {left} more, on the page of HTML"] if left > 0 else list(items)
+def _left(items: Sequence[object]) -> list[str]:
+    """Return how many items the page leaves out, in words; empty where it has all."""
+    return [f"and {len(items) - MOST} more, on the page of HTML"] if len(items) > MOST else []
 
 
 def _paragraph(text: str, width: float, size: float, weight: str = "normal") -> list[Line]:
@@ -159,14 +159,10 @@ def _halves(blocks: Sequence[list[Line]]) -> list[list[Line]]:
 def _columns(columns: Sequence[list[Line]]) -> list[Line]:
     """Return columns of the same type beside each other."""
     found = []
-    for row in itertools.zip_longest(*columns):
-        pieces = [
-            piece._replace(x=piece.x + k * (HALF + GUTTER))
-            for k, line in enumerate(row)
-            if line is not None
-            for piece in line.pieces
-        ]
-        found.append(Line(max(line.size for line in row if line is not None), tuple(pieces)))
+    for row in itertools.zip_longest(*columns, fillvalue=Line(0.0)):
+        places = [(piece, k * (HALF + GUTTER)) for k, line in enumerate(row) for piece in line.pieces]
+        pieces = tuple(piece._replace(x=piece.x + start) for piece, start in places)
+        found.append(Line(max(line.size for line in row), pieces))
     return found
 
 
@@ -187,8 +183,7 @@ def _table(table: Table, width: float, size: float) -> list[Line]:
         for texts in itertools.zip_longest(*cells, fillvalue=""):
             look = {"colour": GREY} if number == 0 else {}
             found.append(Line(size, tuple(Piece(x, text, **look) for x, text in zip(starts, texts, strict=False))))
-    left = len(table.rows) - MOST
-    return found + (_paragraph(f"and {left} more, on the page of HTML", width, size) if left > 0 else [])
+    return [*found, *(line for words in _left(table.rows) for line in _paragraph(words, width, size))]
 
 
 # lines of a width

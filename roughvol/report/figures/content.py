@@ -16,6 +16,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -30,34 +31,11 @@ from roughvol.analysis.legs import first_leg
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
 from roughvol.observables.variables import AXES, QUANTITIES
+from roughvol.report.figures import ways
 from roughvol.report.figures.curves import plot, shown
 from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held, named, several
 from roughvol.report.figures.origin import dry_note, fluid_note, lacking, study_of, surfaces, written
-from roughvol.report.figures.style import (
-    COLUMN,
-    GREY,
-    LABELS,
-    STYLE,
-    WIDE,
-    Drawing,
-    canvas,
-    legend,
-    looks,
-    plain,
-    unit_text,
-)
-from roughvol.report.figures.ways import (
-    LEAD,
-    LINES,
-    SHUT,
-    band_words,
-    closed_handles,
-    draw_flow,
-    flow_axis,
-    has_median,
-    look_of,
-    ways,
-)
+from roughvol.report.figures.style import GREY, LABELS, STYLE, WIDE, Drawing, axes, legend, looks, plain, unit_text
 from roughvol.store.variants import parts_of
 
 _TABLE = tomllib.loads(Path(__file__).with_name("figures.toml").read_text(encoding="utf-8"))["content"]
@@ -90,12 +68,12 @@ class Named:
         return derived(self.dataset, study_of(self.dataset)) if "mean_pressure" in self.dataset else self.dataset
 
 
-def parts(name: str, ds: Dataset, *, alone: bool) -> list[Named]:
-    """Return the runs to overlay of a dataset: one for each combination of the lists of its study."""
-    return [
-        Named(", ".join(filter(None, ("" if alone and part.words else name, part.words))), part.dataset)
-        for part in parts_of(ds)
-    ]
+def parts(stored: Sequence[tuple[str, Dataset]]) -> list[Named]:
+    """Return the runs to overlay of datasets and their names: one for each combination of the lists of a study."""
+    found = [(name, part) for name, ds in stored for part in parts_of(ds)]
+    if len(stored) == 1:
+        return [Named(part.words or name, part.dataset) for name, part in found]
+    return [Named(", ".join(filter(None, (name, part.words))), part.dataset) for name, part in found]
 
 
 def missing(name: str, runs: Sequence[Named]) -> str | None:
@@ -116,9 +94,7 @@ def own_names(runs: Iterable[Named]) -> list[str]:
 
 
 def draw(name: str, runs: Sequence[Named]) -> Drawing:
-    """Return a figure by content, its curves named by run where there are several."""
-    if reason := missing(name, runs):
-        raise DatasetError(reason)
+    """Return a figure by content that is not `missing`, its curves named by run where there are several."""
     y_key, x_key = name.rsplit("_of_", 1)
     common: dict[str, str] = {}
     ready = [Named(run.name, in_units(first_leg(run.ready), common)) for run in runs]
@@ -128,8 +104,7 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
     with mpl.rc_context(STYLE):
         some, title = _families(ready, x, y)
         some = [family._replace(label=wrapped(family.label)) for family in some]
-        fig = canvas(COLUMN, height + LINE * max(0, _legend_lines(some) - few))
-        ax = fig.subplots()
+        fig, ax = axes(height=height + LINE * max(0, _legend_lines(some) - few))
         if flows:
             ax.set(xlabel=_label(x, ready), ylabel=_label(y, ready))
             _flow(ax, some, x, y, title)
@@ -149,13 +124,13 @@ def _flow(ax: Axes, some: Sequence[Family], x: str, name: str, title: str) -> No
     """Draw a flow along x and y: the states of one surface, median and band of several, and where the ways close."""
     dry = f"{name}_dry"
     stored = [family.data[key] for family in some for key in (name, dry) if key in family.data]
-    flow_axis(ax, np.concatenate([values.values.ravel() for values in stored]))
+    ways.flow_axis(ax, np.concatenate([values.values.ravel() for values in stored]))
     closed, median = set[str](), False
     for family in some:
         for axis in AXES:
-            members = ways(family, x, name, axis)
-            median = median or has_median(members)
-            if members and draw_flow(ax, family, members, axis, alone=len(some) == 1):
+            members = ways.ways(family, x, name, axis)
+            median = median or ways.has_median(members)
+            if members and ways.draw_flow(ax, family, members, axis, alone=len(some) == 1):
                 closed.add(axis)
         if dry in family.data:
             _dry(ax, family, x, dry)
@@ -166,24 +141,23 @@ def _dry(ax: Axes, family: Family, x: str, name: str) -> None:
     """Draw a flow of the dry gap as thin grey lines beside the lifted flow."""
     for axis in AXES:
         for surface, curve in enumerate(curves(family.along(axis), x, name)):
-            lines = ax.plot(
-                *_positive(curve), color=GREY, lw=0.6, ls=LINES[axis], zorder=1, label=f"_dry, along ${axis}$"
-            )
+            look: dict[str, Any] = {"color": GREY, "lw": 0.6, "ls": ways.LINES[axis], "zorder": 1}
+            lines = ax.plot(*_positive(curve), label=f"_dry, along ${axis}$", **look)
             named(ax, lines, family, surface, curve=f"{family.label}, without fluid pressure", axis=axis)
 
 
 def _legend(ax: Axes, some: Sequence[Family], closed: set[str], title: str, *, dry: bool, median: bool) -> None:
     """Put families, directions, closings and the dry gap into one legend above the axes."""
     alone, number = len(some) == 1, several(family.surfaces for family in some)
-    drawn = band_words([family.surfaces for family in some]) if median else f"each of {number} surfaces"
+    drawn = ways.band_words([family.surfaces for family in some]) if median else f"each of {number} surfaces"
     heading = [some[0].label if alone else "", title, drawn if number else ""]
     of_several = {"marker": "none"} if median else {"ls": ""}  # a median has no markers, single states have no line
     plain = [of_several if family.surfaces > 1 else {} for family in some]
     handles = [] if alone else [Line2D([], [], label=f.label, **(f.look | p)) for f, p in zip(some, plain, strict=True)]
     for axis in AXES:
-        look = look_of(some[0], axis, alone=True) | plain[0] if alone else {"color": GREY, "ls": LINES[axis]}
+        look = ways.look_of(some[0], axis, alone=True) | plain[0] if alone else {"color": GREY, "ls": ways.LINES[axis]}
         handles.append(Line2D([], [], label=f"along ${axis}$", **look))
-    handles += closed_handles(closed, "closed")
+    handles += ways.closed_handles(closed, "closed")
     if dry:
         words = "without fluid pressure" + ", each surface" * bool(number)
         handles.append(Line2D([], [], color=GREY, lw=0.6, label=words))
@@ -276,7 +250,7 @@ def data(fig: Drawing) -> Iterator[Mapping[str, object]]:
         unnamed = 0
         for line in ax.get_lines():
             label = str(line.get_label())
-            if label == LEAD:
+            if label == ways.LEAD:
                 continue
             source = dict(fig.sources.get(line, {}))
             if not source and label.startswith("_child"):
@@ -286,7 +260,7 @@ def data(fig: Drawing) -> Iterator[Mapping[str, object]]:
             names["curve"] = plain(str(source.get("curve", label.lstrip("_")))).replace("\n", " ")
             names |= {"x_label": plain(ax.get_xlabel()), "y_label": plain(ax.get_ylabel())}
             xs, ys = (np.atleast_1d(np.asarray(part, dtype=float)) for part in line.get_data())
-            if label == SHUT:
+            if label == ways.SHUT:
                 ys = np.full(ys.shape, np.nan)  # the mark is on the edge of the axes, which is no leak
             for x, y in zip(xs.tolist(), ys.tolist(), strict=False):
                 empty = False

@@ -8,7 +8,7 @@ from xarray import Dataset
 
 from roughvol.analysis.creep import History
 from roughvol.report.figures.origin import fluid_note, origin, written
-from roughvol.report.figures.style import COLUMN, DASHES, STYLE, Drawing, canvas, legend, looks, unit_text
+from roughvol.report.figures.style import COLUMN, DASHES, STYLE, Drawing, axes, legend, looks, unit_text
 from roughvol.report.figures.ways import band_words
 
 
@@ -20,25 +20,18 @@ def drawing_of(over_time: History, run: Dataset) -> Drawing:
     shown = np.concatenate([np.concatenate([leak.value, leak.least]) for leak in leaks])
     floor = float(shown[shown > 0.0].min(initial=np.inf))
     with mpl.rc_context(STYLE):
-        fig = canvas(COLUMN, 2.8)
-        ax = fig.subplots()
-        for order, ((axis, leak), look) in enumerate(
-            zip(over_time.leak.items(), looks(len(over_time.leak)), strict=True)
-        ):
+        fig, ax = axes(COLUMN, 2.8)
+        for (axis, leak), look, dash in zip(over_time.leak.items(), looks(len(leaks)), DASHES, strict=False):
             median = np.where(leak.value > 0.0, leak.value, np.nan)
-            ax.plot(over_time.seconds, median, ls=DASHES[order], color=look["color"], label=f"{of_seal}along ${axis}$")
+            ax.plot(over_time.seconds, median, ls=dash, color=look["color"], label=f"{of_seal}along ${axis}$")
             if several > 1:
                 least, most = np.maximum(leak.least, floor), np.maximum(leak.most, floor)
                 ax.fill_between(over_time.seconds, least, most, color=look["color"], alpha=0.18, lw=0)
             closed = np.flatnonzero(leak.open == 0)
             if closed.size:
                 ax.axvline(float(over_time.seconds[closed[0]]), ls=":", lw=0.7, color=look["color"])
-        ax.set(
-            xscale="log",
-            yscale="log",
-            xlabel="time under load [s]",
-            ylabel=f"leak [{unit_text(over_time.leak_unit)}]",
-        )
+        ax.set(xscale="log", yscale="log", xlabel="time under load [s]")
+        ax.set_ylabel(f"leak [{unit_text(over_time.leak_unit)}]")
         load = f"at {over_time.pressure:.4g} {unit_text(over_time.pressure_unit)}"
         legend(ax, "; ".join(filter(None, [load, band_words([several])])))
         source = f"{origin(run, {'surfaces': [number]})}."

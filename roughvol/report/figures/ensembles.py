@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from xarray import Dataset
 
-from roughvol.report.figures.style import DASHES, GREY, PAGE, Drawing, canvas, looks, plain_ticks
+from roughvol.report.figures.style import DASHES, GREY, PAGE, Drawing, axes, looks, plain_ticks
 from roughvol.typing import Array
 
 NORMAL = 1.96  # of the 95 % interval of many samples
@@ -26,15 +26,12 @@ def ensemble_cost(ds: Dataset) -> Drawing:
     To see: most samples are on coarse levels, and cost is spread over all; the interval falls with the square root of
     the cost, as that of plain Monte Carlo does, at a fraction of its cost.
     """
-    fig = canvas(PAGE, 2.8)
-    left, middle, right = fig.subplots(1, 3)
+    fig, (left, middle, right) = axes(PAGE, 2.8, 3, grid=True)
     dimensions = ds["D"].values
     levels = ds["m"].values
     counts = ds["ensemble_samples"].transpose("D", "m").values
-    for order, (D, look) in enumerate(zip(dimensions, looks(len(dimensions)), strict=True)):
-        one = ds.sel(D=D)
-        line = LINES[order % len(LINES)]
-        samples = counts[order]
+    for order, (D, samples, look) in enumerate(zip(dimensions, counts, looks(len(dimensions)), strict=True)):
+        one, line = ds.sel(D=D), LINES[order % len(LINES)]
         left.plot(levels, samples, ls=line, label=f"$D = {D:g}$", **look)
         middle.plot(levels, samples * one["ensemble_sample_cost"].values, ls=line, **look)
         _draw_intervals(right, one, line, look)
@@ -49,8 +46,6 @@ def ensemble_cost(ds: Dataset) -> Drawing:
         Line2D([], [], color=GREY, lw=0.5, label="accuracy asked for"),
     ]
     fig.legend(handles=handles, loc="outside upper center", ncols=len(handles))
-    for ax in (left, middle, right):
-        ax.grid(visible=True)
     fig.shown = {"D": dimensions.tolist(), "m": levels.tolist(), "samples": counts.ravel().tolist()}
     return fig
 

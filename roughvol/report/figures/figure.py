@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import Any
 
 import matplotlib as mpl
@@ -24,10 +24,6 @@ BAND = " Thin lines are single surfaces; the band is one standard deviation to b
 Refusal = Callable[[str, Dataset], str | None]
 
 
-def none_refused(name: str, ds: Dataset) -> None:
-    """Refuse no dataset."""
-
-
 @dataclass(frozen=True)
 class Figure:
     """A figure of one dataset: call it with the dataset.
@@ -42,7 +38,7 @@ class Figure:
         Stored variables that one case must hold.
     cases : callable
         Cases of a study that the figure shows.
-    refuse : callable
+    refuse : callable, optional
         Further reason why a dataset cannot be drawn, from the name and the dataset, or None.
     every_leg : bool
         Whether all legs of a path are drawn. Default: the first leg, which loads the virgin surface.
@@ -52,7 +48,7 @@ class Figure:
     caption: str
     needs: tuple[str, ...] = ()
     cases: Rule = by_D
-    refuse: Refusal = none_refused
+    refuse: Refusal | None = None
     every_leg: bool = False
 
     @property
@@ -62,7 +58,8 @@ class Figure:
 
     def missing(self, ds: Dataset) -> str | None:
         """Return why the figure cannot be drawn from a dataset, or None if it can."""
-        return self.refuse(self.name, ds) or (lacking(self.name, ds, self.needs) if self.needs else None)
+        refused = self.refuse and self.refuse(self.name, ds)
+        return refused or (lacking(self.name, ds, self.needs) if self.needs else None)
 
     def origin(self, ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
         """Return the note of the figure: the run, and the surfaces that are drawn."""
@@ -88,7 +85,7 @@ def figures_of(
     file: Path,
     modules: Sequence[ModuleType],
     kind: type[Figure] = Figure,
-    refusals: Mapping[str, Refusal] | None = None,
+    refusals: Mapping[str, Refusal] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """Return the figures that modules draw, by name; a file has their rows under the names of module and function."""
     tables = tomllib.loads(file.read_text(encoding="utf-8"))
@@ -97,10 +94,7 @@ def figures_of(
         for name, row in tables[module.__name__.rpartition(".")[2]].items():
             sentences = [row.pop("caption"), *(tables["shared"][key] for key in row.pop("shared", ()))]
             caption = " ".join(sentences) + (BAND if row.pop("band", False) else "")
-            given: dict[str, Any] = {
-                key: tuple(value) if isinstance(value, list) else value for key, value in row.items()
-            }
+            given: dict[str, Any] = {key: tuple(one) if isinstance(one, list) else one for key, one in row.items()}
             given["cases"] = CASES[given.get("cases", "by_D")]
-            refuse = (refusals or {}).get(name, none_refused)
-            found[name] = kind(getattr(module, name), caption, refuse=refuse, **given)
+            found[name] = kind(getattr(module, name), caption, refuse=refusals.get(name), **given)
     return found

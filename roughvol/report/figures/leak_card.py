@@ -17,7 +17,6 @@ from roughvol.analysis.leak import STATE
 from roughvol.analysis.leak_card import Card, SurfaceAtLoad, Way, together
 from roughvol.analysis.legs import first_leg
 from roughvol.gap.transport import conduction
-from roughvol.observables.variables import AXES
 from roughvol.report.card_text import SAME, has_legs
 from roughvol.report.figures.families import Family
 from roughvol.report.figures.style import GREY, STYLE, Drawing, looks, plain_ticks, read_style, unit_text
@@ -46,9 +45,8 @@ def panels(card: Card) -> list[Panel]:
     kind = "Median leak over surfaces" if several else "Leak"
     dry = " of the gap without fluid pressure, and the leak under it" if card.lifted else ""
     leg = " on leg 1" if has_legs(card) else ""
-    bars = (
-        ", horizontal bars the intervals of the closing loads" if any(way.closing.closed for way in card.ways) else ""
-    )
+    closes = any(way.closing.closed for way in card.ways)
+    bars = ", horizontal bars the intervals of the closing loads" if closes else ""
     band = "; the band is the interval of the loads" if any(map(_has_band, card.ways)) and not several else ""
     words = f"{kind}{dry} against load{leg}; upright bars are the error at the load of the card{bars}{band}."
     found = [Panel("leak", words, _against_load)]
@@ -86,11 +84,11 @@ def _against_load(ax: Axes, card: Card) -> None:
     handles, dry = [], ", dry" * card.lifted + ", leg 1" * has_legs(card)
     at = _load(card)
     reach = float(np.nanmax(family.data[_load_name(card)].values))
-    for order, (axis, way) in enumerate(zip(AXES, card.ways, strict=True)):
-        members = ways(family, _load_name(card), "leak", axis)
+    for order, way in enumerate(card.ways):
+        members = ways(family, _load_name(card), "leak", way.axis)
         if members:
-            draw_flow(ax, family, members, axis, alone=True)
-        look = look_of(family, axis, alone=True)
+            draw_flow(ax, family, members, way.axis, alone=True)
+        look = look_of(family, way.axis, alone=True)
         if len(members) == 1 and _has_band(way):
             smaller, larger = together(way.closing.parts)
             ends = members[0].load / smaller, members[0].load * larger
@@ -99,22 +97,22 @@ def _against_load(ax: Axes, card: Card) -> None:
         if math.isfinite(high):
             height = ax.get_ylim()[0] * (1.3 + 0.4 * order)
             ax.plot([low, high], [height, height], color=look["color"], lw=2.5, solid_capstyle="butt", zorder=6)
-        handles.append(Line2D([], [], label=f"along {axis}{dry}", color=look["color"], ls=look["ls"]))
+        handles.append(Line2D([], [], label=f"along {way.axis}{dry}", color=look["color"], ls=look["ls"]))
         if way.leak.value > 0.0 and math.isfinite(at):
             low, high = way.interval if math.isfinite(way.factor) else (way.leak.value, way.leak.value)
             error = np.array([[way.leak.value - low], [high - way.leak.value]])
             beside = at + (order - 0.5) * 0.02 * reach  # so that two intervals can be seen apart
+            mark = {"marker": look["marker"], "color": look["color"], "ls": ""}
             if card.lifted:
-                handles.append(
-                    Line2D([], [], ls="", marker=look["marker"], color=look["color"], label=f"{axis}, lifted")
-                )
-            bar = {"color": look["color"], "capsize": 3, "ms": 5.0, "mfc": look["mfc"], "zorder": 7}
-            ax.errorbar([beside], [way.leak.value], yerr=error, fmt=look["marker"], **bar)
+                handles.append(Line2D([], [], label=f"{way.axis}, lifted", **mark))
+            bar = mark | {"capsize": 3, "ms": 5.0, "mfc": look["mfc"], "zorder": 7}
+            ax.errorbar([beside], [way.leak.value], yerr=error, **bar)
     if math.isfinite(at):
         handles.append(ax.axvline(at, color=GREY, lw=0.8, ls=":", label="load of the card"))
-    for axis in AXES:
-        if any(span.closes for span in card.ways[AXES.index(axis)].closing.spans):
-            handles.append(Line2D([], [], ls="", marker=CLOSED[axis], color=GREY, label=f"closed along {axis}{dry}"))
+    closed = [way.axis for way in card.ways if way.closing.closed]
+    handles += [
+        Line2D([], [], ls="", marker=CLOSED[axis], color=GREY, label=f"closed along {axis}{dry}") for axis in closed
+    ]
     ax.xaxis.set_major_locator(MaxNLocator(4))
     ax.legend(handles=handles, **LEGEND)
 
@@ -156,9 +154,8 @@ def _load_label(card: Card) -> str:
 
 def _shown(card: Card) -> SurfaceAtLoad | None:
     """Return the first surface with fields at the load: an open one if there is any."""
-    kept = [one for one in card.surfaces if "gap" in one.table]
-    solved = [one for one in kept if bool(_state(one)["gap"].notnull().any())]
-    return next((one for one in solved if one.leaks[0] > 0.0), next(iter(solved), None))
+    kept = [one for one in card.surfaces if "gap" in one.table and bool(_state(one)["gap"].notnull().any())]
+    return max(kept, key=lambda one: one.leaks[0] > 0.0, default=None)
 
 
 def _state(one: SurfaceAtLoad) -> Dataset:

@@ -21,17 +21,11 @@ def reliefs(surfaces: Sequence[DataArray], titles: Sequence[str], height: str, c
     fig = canvas(width * columns, width * rows * (0.85 if columns > 2 else 0.68) + 0.2)
     fig.set_layout_engine("constrained", rect=(0.0, 0.0, 0.96, 1.0))  # it makes no room for labels of a vertical axis
     low, high = min(float(z.min()) for z in surfaces), max(float(z.max()) for z in surfaces)
+    shading: dict[str, Any] = {"blend_mode": "soft", "vmin": low, "vmax": high + 0.2 * (high - low)}
     for k, (heights, title) in enumerate(zip(surfaces, titles, strict=True)):
         x, y = heights["x"].values, heights["y"].values
         light, slope = LightSource(315, 45), 0.12 * (len(x) - 1) / (high - low)  # a third of the slopes as drawn
-        colours = light.shade(
-            heights.values,
-            mpl.colormaps["pink"],
-            blend_mode="soft",
-            vert_exag=slope,
-            vmin=low,
-            vmax=high + 0.2 * (high - low),
-        )
+        colours = light.shade(heights.values, mpl.colormaps["pink"], vert_exag=slope, **shading)
         if contact is not None and k == len(surfaces) - 1:
             colours[contact] = mpl.colors.to_rgba(CONTACT)
         ax: Any = fig.add_subplot(rows, columns, k + 1, projection="3d")

@@ -27,7 +27,6 @@ from roughvol.report.figures.cases import SHOWN_D, nearest
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import Family, curves, families, own, several, single
 from roughvol.report.figures.style import GREY, LABELS, PAGE, A, Drawing, P, V, canvas, looks, plain_ticks, unit_of
-from roughvol.report.figures.ways import LINES, closed_handles, direction_legend, draw_flow, flow_axis, look_of
 from roughvol.store.dataset import recorded_state
 
 NOMINAL = "nominal_pressure"
@@ -107,7 +106,7 @@ def seal_percolation(ds: Dataset) -> Drawing:
             for family in some:
                 members = ways.ways(family, x, "percolates", direction)
                 at = ways.grid(members, before=True)
-                look = look_of(family, direction, alone=len(some) == 1)
+                look = ways.look_of(family, direction, alone=len(some) == 1)
                 line = {"color": look["color"], "ls": look["ls"], "zorder": 3 + (direction == "y")}
                 share = ways.is_open(members, at).mean(axis=0)
                 ax.plot(at, share, drawstyle="steps-post", label=ways.name_of(family, direction), **line)
@@ -116,19 +115,13 @@ def seal_percolation(ds: Dataset) -> Drawing:
                     ax.plot(*states, label="_states", **(look | {"ls": "", "zorder": line["zorder"]}))
                     continue
                 error = np.sqrt(share * (1.0 - share) / len(members))
-                band: dict[str, Any] = {
-                    "step": "post",
-                    "color": look["color"],
-                    "alpha": ways.FAINT,
-                    "lw": 0,
-                    "zorder": 2,
-                }
-                ax.fill_between(at, share - error, share + error, **band)
+                band = {"color": look["color"], "alpha": ways.FAINT, "lw": 0, "zorder": 2}
+                ax.fill_between(at, share - error, share + error, step="post", **band)
     for ax in axes.ravel():
         ax.set_ylim(-0.05, 1.05)
     solved = " or, over p*, at the solved closing load" if SOLVED in ds else ""
     words = f"a step falls at the first state computed closed{solved}" + ("; band ± 1 std. error" if many else "")
-    direction_legend(fig, some, [title, words])
+    ways.direction_legend(fig, some, [title, words])
     return fig
 
 
@@ -136,16 +129,16 @@ def _coefficient(ds: Dataset, name: str, label: str, *words: str) -> Drawing:
     """Draw a flow along x and along y over p*, A* and V*."""
     fig, axes, some, title = _panels(ds, 0, P, name)
     for ax in axes[:, 0]:
-        flow_axis(ax, np.concatenate([family.data[name].values.ravel() for family in some]))
+        ways.flow_axis(ax, np.concatenate([family.data[name].values.ravel() for family in some]))
     closed = []
     for row, direction in _rows(axes, some, label):
         for ax, x in zip(row, (P, A, V), strict=True):
             for family in some:
                 members = ways.ways(family, x, name, direction)
-                if members and draw_flow(ax, family, members, direction, alone=len(some) == 1):
+                if members and ways.draw_flow(ax, family, members, direction, alone=len(some) == 1):
                     closed.append(direction)
     counts = [family.surfaces for family in some]
-    direction_legend(fig, some, [title, ways.band_words(counts), *words], closed, _what(counts, ds))
+    ways.direction_legend(fig, some, [title, ways.band_words(counts), *words], closed, _what(counts, ds))
     return fig
 
 
@@ -217,9 +210,9 @@ def seal_region(ds: Dataset) -> Drawing:
             closed += ways.draw_by_width(axes[-1], width, rows[np.isfinite(rows).all(axis=1)], look, direction)
     for ax in axes[:3]:
         ax.axhline(1.0, color=GREY, lw=0.7, ls="--")
-    if flows:
-        handles += [Line2D([], [], color=GREY, ls=LINES[axis], label=rf"$T^{{\ast}}$ along ${axis}$") for axis in flows]
-    handles += closed_handles(closed, "closed")
+    for axis in flows:
+        handles.append(Line2D([], [], color=GREY, ls=ways.LINES[axis], label=rf"$T^{{\ast}}$ along ${axis}$"))
+    handles += ways.closed_handles(closed, "closed")
     words = f": mean of {family.surfaces} surfaces, band ± 1 std. error" if family.surfaces > 1 else ""
     words += rf"; $T^{{\ast}}$: {ways.band_words([family.surfaces])}" if words and flows else ""
     options: dict[str, Any] = ways.LEGEND | {"loc": "outside upper center", "ncols": -(-len(handles) // 2)}
@@ -268,7 +261,7 @@ def seal_estimates(ds: Dataset) -> Drawing:
     for ax in axes[-1]:
         ax.set_xlabel(LABELS[A])
     counts = [family.surfaces for family in some]
-    direction_legend(fig, some, [title, ways.band_words(counts)], closed, _what(counts, ds))
+    ways.direction_legend(fig, some, [title, ways.band_words(counts)], closed, _what(counts, ds))
     return fig
 
 

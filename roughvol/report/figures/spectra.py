@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from xarray import Dataset
 
+from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import Family, families
 from roughvol.report.figures.origin import study_of
 from roughvol.report.figures.style import GREY, PAGE, Drawing, axes, legend, marked, unit_of
@@ -25,7 +26,7 @@ def psd(ds: Dataset) -> Drawing:
     Dotted: the deformed surface, at the last state of ``psd_at``. To see: a plateau up to L/λ_r, then a line of slope
     -2 - 2H up to L/λ_s; the slope grows up to the shortest wave. Load takes the long waves first.
     """
-    fig, (left, right) = axes(PAGE, 3.0, 2)
+    fig, (left, right) = axes(PAGE, 3.0, 2, grid=True)
     members, title = families(ds, "D", "psd", "rms_slope_below")
     for order, family in enumerate(members):
         wave = _waves(family)
@@ -40,12 +41,8 @@ def psd(ds: Dataset) -> Drawing:
     left.set(xlabel=r"wave number $qL/2\pi$", ylabel=rf"$C^{{\mathrm{{iso}}}}$ [{fourth}]")
     right.set(xlabel=r"waves up to $qL/2\pi$", ylabel=r"root mean square slope $h'_{\mathrm{rms}}$")
     for ax in (left, right):
-        ax.grid(visible=True)
         legend(ax, ", ".join([*filter(None, [title]), *([f"dotted: {_loaded_at(ds)}"] if "psd_loaded" in ds else [])]))
-    shown = {"surfaces": sorted({float(family.surfaces) for family in members})}
-    if "D" in ds.dims:
-        shown |= {"D": [family.value for family in members], "m": [float(members[0].data["m"])]}
-    fig.shown = shown
+    fig.shown = shown(members)
     return fig
 
 

@@ -126,10 +126,15 @@ def canvas(width: float = COLUMN, height: float = 3.0) -> Drawing:
     return Drawing(figsize=(width, height), layout="constrained", dpi=DPI)
 
 
-def axes(width: float = COLUMN, height: float = 3.0, columns: int = 1) -> tuple[Drawing, Any]:
-    """Return a figure and its axes in one row; sizes in inches."""
+def axes(
+    width: float = COLUMN, height: float = 3.0, columns: int = 1, rows: int = 1, *, grid: bool = False
+) -> tuple[Drawing, Any]:
+    """Return a figure and its axes in rows, with the lines of a grid where they are wanted; sizes in inches."""
     fig = canvas(width, height)
-    return fig, fig.subplots(1, columns)
+    panels = fig.subplots(rows, columns)
+    for ax in fig.axes:
+        ax.grid(visible=grid)
+    return fig, panels
 
 
 def luminance(colour: Any) -> float:

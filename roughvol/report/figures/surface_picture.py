@@ -44,10 +44,9 @@ def look(surface: Surface, unit: str | None = None, title: str = "") -> Figure:
             histogram.set_title(f"{numbers}, lowest ${surface.pit:.3g}\\,S_q$")
         along_x = fig.add_subplot(grid[1, 0])
         along_y = fig.add_subplot(grid[1, 1], sharey=along_x)
-        names = ("x", "y")
         for ax, name, other, place, profile, at, fixed in (
-            (along_x, *names, x, z[:, column], x[row], y[column]),
-            (along_y, *names[::-1], y, z[row], y[column], x[row]),
+            (along_x, "x", "y", x, z[:, column], x[row], y[column]),
+            (along_y, "y", "x", y, z[row], y[column], x[row]),
         ):
             ax.axhline(0.0, color="0.6", lw=0.6, zorder=1)
             ax.plot(place, profile, color=CONTACT, lw=0.8)
@@ -79,11 +78,8 @@ def _map(
     for line, place in ((ax.axvline, highest[0]), (ax.axhline, highest[1])):
         line(place, color="white", lw=0.5, ls=(0, (4, 4)))
     ax.plot(*highest, "o", mfc="none", mec=RING, ms=8, mew=1.2, clip_on=False)
-    ax.set(
-        xlabel=f"$x$ [{units[0]}]",
-        ylabel=f"$y$ [{units[0]}]",
-        title=f"{z.shape[0]} × {z.shape[1]} nodes, the highest in the ring",
-    )
+    ax.set(xlabel=f"$x$ [{units[0]}]", ylabel=f"$y$ [{units[0]}]")
+    ax.set_title(f"{z.shape[0]} × {z.shape[1]} nodes, the highest in the ring")
     beside = "bottom" if x[-1] > 1.3 * y[-1] else "right"
     bar = fig.colorbar(image, ax=ax, extend="both", shrink=0.9, pad=0.02, location=beside)
     bar.set_label(f"$z$ from the mean plane [{units[1]}]")

@@ -47,9 +47,9 @@ class Way(NamedTuple):
     closed: float  # solved closing load, or load of the first state computed closed; NaN if it was open to the end
 
     @property
-    def end(self) -> float:
-        """Load up to which anything is known: without bound once closed."""
-        return math.inf if math.isfinite(self.closed) else float(self.load[-1])
+    def known(self) -> bool:
+        """Whether the way has any state."""
+        return self.load.size > 0 or math.isfinite(self.closed)
 
 
 def flow(ds: Dataset, name: str, direction: str) -> DataArray:
@@ -76,7 +76,7 @@ def way(load: Array, value: Array) -> Way:
 
 def ways(family: Family, x: str, name: str, direction: str) -> list[Way]:
     """Return a flow along a direction against x, one way for each surface that has any state."""
-    return [one for one in _every_way(family, x, name, direction) if one.load.size or math.isfinite(one.closed)]
+    return [one for one in _every_way(family, x, name, direction) if one.known]
 
 
 def _every_way(family: Family, x: str, name: str, direction: str) -> list[Way]:
@@ -118,13 +118,11 @@ def grid(members: Sequence[Way], *, before: bool = False) -> Array:
 
 def ratios(family: Family, x: str, over: DataArray, direction: str) -> list[Way]:
     """Return ratios ``over`` to a flow along a direction against x, with the loads at which the flow closes."""
-    members = []
-    flows = flow(family.data, "transmissivity", direction).transpose("seed", "step").values
+    over = over.where(flow(family.data, "transmissivity", direction) > 0.0)
+    loads, values = (part.transpose("seed", "step").values for part in (family.data[x], over))
     whole = _every_way(family, x, "transmissivity", direction)
-    loads = family.data[x].transpose("seed", "step").values
-    for load, value, along, one in zip(loads, over.transpose("seed", "step").values, flows, whole, strict=True):
-        members.append(way(load, np.where(along > 0.0, value, np.nan))._replace(closed=one.closed))
-    return [member for member in members if member.load.size or math.isfinite(member.closed)]
+    members = [way(*pair)._replace(closed=one.closed) for *pair, one in zip(loads, values, whole, strict=True)]
+    return [member for member in members if member.known]
 
 
 def sample(members: Sequence[Way], at: Array, *, hold: bool = False, beyond: float = 0.0) -> Array:
@@ -152,8 +150,10 @@ def is_open(members: Sequence[Way], at: Array) -> Array:
     sign = -1.0 if falls(members) else 1.0
     rows = np.ones((len(members), at.size))
     for row, member in zip(rows, members, strict=True):
-        row[sign * at >= sign * member.closed] = 0.0
-        row[sign * at > sign * member.end if math.isfinite(member.end) else np.zeros(at.size, bool)] = np.nan
+        if math.isfinite(member.closed):
+            row[sign * at >= sign * member.closed] = 0.0
+        else:
+            row[sign * at > sign * member.load[-1]] = np.nan
     return rows
 
 
@@ -284,10 +284,9 @@ def draw_ratio(ax: Axes, family: Family, members: list[Way], direction: str, *, 
     closings = sorted(member.closed if np.isfinite(member.closed) else np.inf for member in members)
     end = closings[len(members) // 2]  # from here on the median is closed
     kept = (~np.isnan(rows)).any(axis=0) & (at < end)
-    low, high = BAND
     if not kept.any():  # closed wherever the number was taken
         return bool(np.isfinite(end))
-    numbers: Any = np.nanpercentile(rows[:, kept], [low, 50.0, high], axis=0, method="inverted_cdf")
+    numbers: Any = np.nanpercentile(rows[:, kept], [BAND[0], 50.0, BAND[1]], axis=0, method="inverted_cdf")
     below, centre, above = np.clip(numbers, 0.1 * floor, 10.0 * top)
     ax.fill_between(at[kept], below, above, color=look["color"], alpha=FAINT, lw=0, zorder=2)
     lines = ax.plot(at[kept], centre, label=name, color=look["color"], ls=look["ls"], zorder=3)

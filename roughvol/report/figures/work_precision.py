@@ -30,14 +30,13 @@ def tradeoff_precision(ds: Dataset) -> Drawing:
     To see: V* and p* stay under their certified bounds at every residual; A* is off by single elements at 1e-5, exact
     below; a digit costs the same time all the way down, and mixed precision costs no digit.
     """
-    fig, (left, right) = axes(PAGE, 3.0, 2)
+    fig, (left, right) = axes(PAGE, 3.0, 2, grid=True)
     mixed, double = (rungs(ds, "tolerance", how) for how in ("mixed", "double"))
     for name in QUANTITIES:
         left.loglog(mixed["rtol"], _worst(mixed, f"{name}_error"), **LOOKS[name])
-    bounds = [("free_volume", "residual", r"bound of $V^{\ast}$")]
-    bounds += [("mean_pressure", "mean_pressure_bound", r"bound of $p^{\ast}$")]
-    for name, bound, label in bounds:
-        left.loglog(mixed["rtol"], _worst(mixed, bound), "--", color=LOOKS[name]["color"], lw=0.8, label=label)
+    for name, bound, symbol in (("free_volume", "residual", "V"), ("mean_pressure", "mean_pressure_bound", "p")):
+        look = {"color": LOOKS[name]["color"], "lw": 0.8, "label": rf"bound of ${symbol}^{{\ast}}$"}
+        left.loglog(mixed["rtol"], _worst(mixed, bound), "--", **look)
     left.set(xlabel=r"residual asked for $\eta/\sigma$", ylabel="largest error of any state ($10^{-16}$: none)")
     left.invert_xaxis()
     left.legend()
@@ -49,7 +48,7 @@ def tradeoff_precision(ds: Dataset) -> Drawing:
     plain_ticks(right.xaxis, (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0))
     right.set(xlabel="seconds a sweep", ylabel="largest error of any state ($10^{-16}$: none)")
     right.legend()
-    return _with_grid(fig)
+    return fig
 
 
 def tradeoff_resolution(ds: Dataset) -> Drawing:
@@ -57,7 +56,7 @@ def tradeoff_resolution(ds: Dataset) -> Drawing:
 
     To see: the errors of a coarse grid are decades above those of any accuracy of the solver.
     """
-    fig, (left, right) = axes(PAGE, 3.0, 2)
+    fig, (left, right) = axes(PAGE, 3.0, 2, grid=True)
     family = rungs(ds, "resolution")
     levels = family["m"].values
     final = {name: family[name].values for name in QUANTITIES}
@@ -77,7 +76,7 @@ def tradeoff_resolution(ds: Dataset) -> Drawing:
         right.plot(levels, (final[name] / final[name][-1]).mean(axis=1), **look)
     right.set(xlabel="$m$", ylabel=f"value over that at $m = {levels[-1]}$", xticks=levels)
     right.legend()
-    return _with_grid(fig)
+    return fig
 
 
 def tradeoff_settings(ds: Dataset) -> Drawing:
@@ -86,7 +85,7 @@ def tradeoff_settings(ds: Dataset) -> Drawing:
     To see: the states of a sweep do not depend on its steps; the kernel is a choice of physics, not of accuracy; the
     paper's algorithm finds the same.
     """
-    fig, (left, right) = axes(PAGE, 3.0, 2)
+    fig, (left, right) = axes(PAGE, 3.0, 2, grid=True)
     kept = ds.isel({RUNG: np.flatnonzero(np.isin(ds["ladder"].values, ("steps", "kernel", "method")))})
     names = []
     for k, ladder in enumerate(kept["ladder"].values.tolist()):
@@ -96,18 +95,10 @@ def tradeoff_settings(ds: Dataset) -> Drawing:
     for shift, name in enumerate(QUANTITIES):
         error = _worst(kept, f"{name}_error")
         left.plot(places + 0.15 * (shift - 1), error, ls="", **LOOKS[name])
-    left.set_yscale("log")
-    left.set(ylabel="largest error of any state ($10^{-16}$: none)", xticks=places)
+    left.set(yscale="log", ylabel="largest error of any state ($10^{-16}$: none)", xticks=places)
     left.legend()
     right.plot(places, kept["seconds"].mean("surface").values, ls="", marker="D", color=LOOKS["mean_pressure"]["color"])
-    right.set_yscale("log")
-    right.set(ylabel="seconds a sweep", xticks=places)
+    right.set(yscale="log", ylabel="seconds a sweep", xticks=places)
     for ax in (left, right):
         ax.set_xticklabels(names, rotation=40, ha="right")
-    return _with_grid(fig)
-
-
-def _with_grid(fig: Drawing) -> Drawing:
-    for ax in fig.axes:
-        ax.grid(visible=True)
     return fig

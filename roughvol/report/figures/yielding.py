@@ -16,7 +16,7 @@ from roughvol.analysis.tables import spread
 from roughvol.observables.variables import columns_of
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import families, own, several, single
-from roughvol.report.figures.style import DASHES, GREY, LABELS, PAGE, A, Drawing, P, V, canvas, unit_of
+from roughvol.report.figures.style import DASHES, GREY, LABELS, PAGE, A, Drawing, P, V, axes, unit_of
 
 # Further panels, where they are stored: variable, label, and whether the axis is logarithmic.
 FURTHER = (
@@ -41,15 +41,14 @@ def path_loops(ds: Dataset) -> Drawing:
     if further is not None:
         names += [(name, further[1].format(name[-1]), further[2]) for name in columns_of(further[0])]
     rows = 2 if len(names) > 3 else 1
-    fig = canvas(PAGE, 2.5 * rows + 0.6)
-    panels = np.ravel(fig.subplots(rows, len(names) // rows))
-    legs = np.unique(ds["leg"].values)
+    fig, panels = axes(PAGE, 2.5 * rows + 0.6, len(names) // rows, rows)
+    panels = panels.ravel()
+    dashes = {int(leg): DASHES[(int(leg) - 1) % len(DASHES)] for leg in np.unique(ds["leg"].values)}
     for family in some:
-        for leg in legs:
+        for leg, dash in dashes.items():
             begin = int(np.flatnonzero(ds["leg"].values == leg)[0])
             steps = slice(max(begin - 1, 0), begin + int((ds["leg"] == leg).sum()))
             part = averages(spread(family.data.isel(step=steps))[[load, *(name for name, *_ in names)]])
-            dash = DASHES[(int(leg) - 1) % len(DASHES)]
             for ax, (name, _, logarithmic) in zip(panels, names, strict=True):
                 computed = part[name].notnull().values
                 x, y = part[load].values[computed], part[name].values[computed]
@@ -61,8 +60,7 @@ def path_loops(ds: Dataset) -> Drawing:
         ax.set(xlabel=below, ylabel=f"{label} [{unit}]" if unit else label)
         ax.set_yscale("log" if logarithmic else "linear")
     handles = [Line2D([], [], color=family.look["color"], label=family.label) for family in some]
-    dashes = [DASHES[(int(leg) - 1) % len(DASHES)] for leg in legs]
-    handles += [Line2D([], [], color=GREY, ls=dash, label=f"leg {leg}") for leg, dash in zip(legs, dashes, strict=True)]
+    handles += [Line2D([], [], color=GREY, ls=dash, label=f"leg {leg}") for leg, dash in dashes.items()]
     number = several(family.surfaces for family in some)
     words = [title, f"mean of {number} surfaces, of leaks the median" if number else ""]
     if further is not None and further[0] == "leak_rate":
@@ -79,8 +77,7 @@ def yielded_map(ds: Dataset) -> Drawing:
     """
     case, name = single(ds, "heights", "residual_heights")
     depth = own(case["heights"] - case["residual_heights"]) / float(case["Sq"])
-    fig = canvas(PAGE * 0.55, 3.4)
-    ax = fig.subplots()
+    fig, ax = axes(PAGE * 0.55, 3.4)
     yielded = np.where(depth.values > 0.0, depth.values, np.nan)
     x, y = depth["x"].values, depth["y"].values
     extent = (x[0], x[-1], y[0], y[-1])
