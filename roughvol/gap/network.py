@@ -204,23 +204,14 @@ def flow_around(conductances: Conductances, accuracy: float = ACCURACY) -> float
     return dissipation
 
 
-@compiled
 def surplus(down: Array, east: Array) -> Array:
     """Return the flow into each element, from fluxes of the shapes of `Flow`."""
-    rows, columns = east.shape
-    inflow = np.empty(east.shape)
-    for i in range(rows):
-        for j in range(columns):
-            inflow[i, j] = down[i, j] - down[i + 1, j] + east[i, j - 1 if j else columns - 1] - east[i, j]
-    return inflow
+    return down[:-1] - down[1:] + np.roll(east, 1, axis=1) - east
 
 
 def differences(field: Array, inlet: float) -> Array:
     """Return the differences from line to line, those from the inlet and to the outlet (0) included."""
-    falls = np.empty((field.shape[0] + 1, field.shape[1]))
-    falls[0], falls[-1] = inlet - field[0], field[-1]
-    np.subtract(field[:-1], field[1:], out=falls[1:-1])
-    return falls
+    return np.concatenate([inlet - field[:1], field[:-1] - field[1:], field[-1:]])
 
 
 @compiled
