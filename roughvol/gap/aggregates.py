@@ -42,7 +42,7 @@ class Graph(NamedTuple):
 def of_grid(south: Array, east: Array, own: Array) -> tuple[Numbers, int]:
     """Return the aggregate of each element, shape (rows, columns), and how many there are."""
     rows, columns = own.shape
-    number, count = np.full((rows, columns), -1, np.int32), 0
+    number, count = np.empty((rows, columns), np.int32), 0
     for i in range(0, rows, 2):
         high = i + 1 < rows
         for j in range(0, columns, 2):
@@ -66,12 +66,16 @@ def of_grid(south: Array, east: Array, own: Array) -> tuple[Numbers, int]:
             if a > 0.0:
                 number[i, j] = count
                 count += 1
+            else:
+                number[i, j] = -1
             if wide:
                 if join_ab or (join_ac and join_cd and join_bd):
                     number[i, j + 1] = number[i, j]
                 elif b > 0.0:
                     number[i, j + 1] = count
                     count += 1
+                else:
+                    number[i, j + 1] = -1
             if high:
                 if join_ac or (join_ab and join_bd and join_cd):
                     number[i + 1, j] = number[i, j]
@@ -80,6 +84,8 @@ def of_grid(south: Array, east: Array, own: Array) -> tuple[Numbers, int]:
                 elif c > 0.0:
                     number[i + 1, j] = count
                     count += 1
+                else:
+                    number[i + 1, j] = -1
             if high and wide:
                 if join_bd:
                     number[i + 1, j + 1] = number[i, j + 1]
@@ -88,6 +94,8 @@ def of_grid(south: Array, east: Array, own: Array) -> tuple[Numbers, int]:
                 elif d > 0.0:
                     number[i + 1, j + 1] = count
                     count += 1
+                else:
+                    number[i + 1, j + 1] = -1
     return number, count
 
 
