@@ -26,14 +26,8 @@ from roughvol.typing import Array
 
 OF_SOLVER = ("iterations", "convolutions", "convolutions_fp32", "residual", "mean_pressure_bound", "converged")
 PER_STEP = (*OF_STATE, *OF_SOLVER)
-CONTENT = (
-    "steps",
-    "_values",
-    "_kept",
-    "_seconds",
-    "_convolutions",
-    "_pressures",
-)  # of a reduction, beside its last two states
+CONTENT = ("steps", "_values", "_kept", "_seconds", "_convolutions", "_pressures")
+"""Attributes that make up a reduction, beside its last two states."""
 
 
 def numbers(view: View) -> Values:
@@ -73,9 +67,8 @@ class Reduction:
         self._kept: dict[str, dict[str, tuple[int, Values]]] = {name: {} for name in levels}  # by label; once reached
         self._seconds = {name: 0.0 for name in levels if OBSERVABLES[name].seconds}
         self._convolutions = 0.0
-        self._pressures: dict[
-            str, Array
-        ] = {}  # of the fluid at the last state; of a case, so that a resumed one has them
+        # Of the fluid at the last state. A resumed case has them as well.
+        self._pressures: dict[str, Array] = {}
 
     @property
     def mean_pressure(self) -> float:
