@@ -136,13 +136,6 @@ def punch_kernel(x: Array, y: Array) -> Array:
     return kernel
 
 
-def _fourier(row: Array, column: Array) -> Array:
-    """Return the displacement 1/|f| of the half space itself, 2/(E* q), on the waves of the grid."""
-    with np.errstate(divide="ignore"):
-        displacement: Array = 1.0 / np.hypot(row, column)
-    return displacement
-
-
 def layer(thickness: float, nu: float, elements: bool = True) -> Kernel:
     r"""Return the kernel of an elastic layer bonded to a rigid base, of elements under uniform pressure or of waves.
 
@@ -187,7 +180,7 @@ def _frequency(row: Array, column: Array) -> Array:
 
 LOVE = Kernel("love", coefficients=love_kernel, m_matrix=True)
 PUNCH = Kernel("punch", coefficients=punch_kernel)
-FOURIER = Kernel("fourier", spectrum=_fourier)
+FOURIER = Kernel("fourier", spectrum=lambda row, column: 1.0 / _frequency(row, column))
 KERNELS = {kernel.name: kernel for kernel in (LOVE, PUNCH, FOURIER)}
 MADE: dict[str, Callable[..., Kernel]] = {"layer": layer}
 """Kernels with a length by name: lengths in spacings and numbers ↦ kernel."""

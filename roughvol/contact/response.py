@@ -25,10 +25,8 @@ ACCURACY = 1e-8  # largest residual on an element over the largest displacement 
 class Response:
     """Pressures on a fixed set of elements that displace them as asked."""
 
-    def __init__(
-        self, half_space: Compliance, elements: Index, *, accuracy: float = ACCURACY, tuning: Tuning = TUNING
-    ) -> None:
-        self._half_space, self._elements, self._accuracy, self._tuning = half_space, elements, accuracy, tuning
+    def __init__(self, half_space: Compliance, elements: Index, *, tuning: Tuning = TUNING) -> None:
+        self._half_space, self._elements, self._tuning = half_space, elements, tuning
 
     def pressure(self, displacement: Array) -> Array:
         """Return q with K_II q = u."""
@@ -57,7 +55,7 @@ class Response:
 
     def _conjugate_gradients(self, right: Array) -> Array:
         """Solve by conjugate gradients; directions are made conjugate by the formula that bears an inexact inverse."""
-        tolerance = self._accuracy * float(np.abs(right).max())
+        tolerance = ACCURACY * float(np.abs(right).max())
         q, r = np.zeros(right.size), right.astype(np.float64, copy=True)
         direction, r_before, rz = np.zeros(right.size), r, 1.0
         for iteration in range(self._tuning.iterations):
@@ -74,5 +72,5 @@ class Response:
             q += step * direction
             r_before, r = r, r - step * response
         residual = float(np.abs(r).max() / np.abs(right).max())
-        message = f"the linear response of {right.size} elements did not converge to {self._accuracy:g}"
+        message = f"the linear response of {right.size} elements did not converge to {ACCURACY:g}"
         raise ConvergenceError(message, indentation=np.nan, iterations=iteration + 1, residual=residual)

@@ -21,6 +21,7 @@ returned is always solved, and reaches the value.
 
 import itertools
 import math
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -41,6 +42,7 @@ CROSSING_GROWTH = 1.1  # first trial over the start of the leg; the distance dou
 LOAD_GROWTH = 1.5  # of the indentation, while no state carries enough
 
 Line = Callable[[float, float], Contact]
+_indentation = operator.attrgetter("approach")
 
 
 def indentation_for(
@@ -255,10 +257,6 @@ def _bounds(trials: Trials, holds: Callable[..., bool], bracket: Bracket, fine: 
     last = root(bracket.short[0], bracket.beyond[0], low, high, 1.0)[1]
     sides = [sorted(side, key=_indentation) for side in (bracket.short, bracket.beyond) if len(side) == 2]
     return max([low, *(root(one, other, low, last, -1.0)[0] for one, other in sides)]), last
-
-
-def _indentation(contact: Contact) -> float:
-    return contact.approach
 
 
 def _least_error(indentation: float, states: list[Contact], clear: float) -> tuple[Contact, Contact | None]:

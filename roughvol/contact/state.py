@@ -26,20 +26,16 @@ class Compliance(Protocol):
 
     def between(self, elements: Index) -> Array:
         """Return the matrix K (n, n) between elements, by their flat indices."""
-        ...
 
     def displacement_above(self, heights: Array, elements: Index, pressure: NDArray[Any]) -> Array:
         """Return u - heights on every element, flat, for pressure on some elements in increasing order."""
-        ...
 
     def displacement_at(self, elements: Index, pressure: NDArray[Any], *, single: bool = False) -> NDArray[Any]:
         """Return u on the elements that carry the pressure."""
-        ...
 
     @property
     def total_compliance(self) -> Array:
         """Displacement under unit pressure everywhere."""
-        ...
 
 
 @arguments

@@ -146,10 +146,9 @@ def graph_of_grid(south: Array, east: Array, own: Array, number: Numbers, count:
 
 
 @compiled
-def of_graph(
-    starts: Numbers, heads: Numbers, weight: Array, own: Array, row: Numbers, column: Numbers
-) -> tuple[Numbers, int]:
-    """Return the aggregate of each node of a `Graph` in its block of twice the size, and how many there are."""
+def of_graph(graph: Graph) -> tuple[Numbers, int]:
+    """Return the aggregate of each node of a graph in its block of twice the size, and how many there are."""
+    starts, heads, weight, own, row, column = graph
     largest = own.copy()
     for node in range(own.size):
         for k in range(starts[node], starts[node + 1]):
@@ -195,17 +194,9 @@ def _join(chain: Numbers, one: int, other: int) -> None:
 
 
 @compiled
-def graph_of_graph(
-    starts: Numbers,
-    heads: Numbers,
-    weight: Array,
-    own: Array,
-    row: Numbers,
-    column: Numbers,
-    number: Numbers,
-    count: int,
-) -> Graph:
-    """Return the graph of the aggregates of a `Graph`."""
+def graph_of_graph(graph: Graph, number: Numbers, count: int) -> Graph:
+    """Return the graph of the aggregates of a graph."""
+    starts, heads, weight, own, row, column = graph
     held, rows, columns = np.zeros(count), np.empty(count, np.int32), np.empty(count, np.int32)
     size = heads.size // 2
     tail, head, joint, end = np.empty(size, np.int32), np.empty(size, np.int32), np.empty(size), 0

@@ -48,7 +48,7 @@ class FluidField:
         self._reference = narrowest.gap if flows else NARROW * widest or 1.0
         self._share = 1.0 if flows else NARROW
         self._at = narrowest.element if flows else np.unravel_index(int(gap.argmax()), gap.shape)
-        relative = self._along(gap) / self._reference
+        relative = self._turned(gap) / self._reference
         cube = relative**3
         self._wide = cube >= MOST
         self._rate, self._cube = 3.0 * relative**2 / self._reference, cube
@@ -77,7 +77,7 @@ class FluidField:
     def change(self, gap_change: Array) -> Array:
         """Return the change of the pressure with a small change of the gap, to first order."""
         relative = self._share * float(gap_change[self._at]) / self._reference
-        rate = self._rate * self._along(gap_change) - 3.0 * relative * self._cube
+        rate = self._rate * self._turned(gap_change) - 3.0 * relative * self._cube
         rate[self._wide] = 0.0
         falls, across = self._falls
         south, east = self._rate_between(rate, 0), self._rate_between(rate, 1)
@@ -90,9 +90,6 @@ class FluidField:
         """Return the change of the conductances between successive lines, the last to the first included."""
         k, beyond = self._k, np.roll(self._k, -1, axis=axis)
         return 2.0 / (k + beyond) ** 2 * (beyond**2 * rate + k**2 * np.roll(rate, -1, axis=axis))
-
-    def _along(self, field: Array) -> Array:
-        return field if self._axis == 0 else np.ascontiguousarray(field.T)
 
     def _turned(self, field: Array) -> Array:
         return field if self._axis == 0 else np.ascontiguousarray(field.T)

@@ -77,9 +77,9 @@ class Multigrid:
         for _ in range(max(number.shape).bit_length()):  # until a block is the whole grid
             if graph.own.size <= direct:
                 break
-            number, count = aggregates.of_graph(*graph)
-            self._levels.append(_Level(graph, _diagonal(graph.starts, graph.weight, graph.own), number))
-            graph = aggregates.graph_of_graph(*graph, number, count)
+            number, count = aggregates.of_graph(graph)
+            self._levels.append(_Level(graph, _diagonal(graph), number))
+            graph = aggregates.graph_of_graph(graph, number, count)
         size = graph.own.size
         joints = sparse.csr_array((graph.weight, graph.heads, graph.starts), shape=(size, size))
         self._factor = _factor(_balance(joints, graph.own))
@@ -102,15 +102,15 @@ class Multigrid:
         if depth == len(self._levels):
             direct: Array = self._factor.solve(inflow)
             return direct
-        (starts, heads, weight, *_), diagonal, number = self._levels[depth]
+        level = self._levels[depth]
         first = np.empty(inflow.size)
-        left = _graph_before(starts, heads, weight, diagonal, number, inflow, first, self._coarse(depth + 1))
+        left = _graph_before(*level, inflow, first, self._coarse(depth + 1))
         coarse = self._visit(left, depth + 1)
         if depth + 1 < len(self._levels):
-            below, below_diagonal, _ = self._levels[depth + 1]
-            left = _left(below.starts, below.heads, below.weight, below_diagonal, left, coarse)
+            below = self._levels[depth + 1]
+            left = _left(below.graph, below.diagonal, left, coarse)
             coarse += self._visit(left, depth + 1)
-        return _graph_after(starts, heads, weight, diagonal, number, inflow, coarse, first)
+        return _graph_after(*level, inflow, coarse, first)
 
 
 class _Level(NamedTuple):
@@ -161,18 +161,10 @@ def stepped(pressure: Field, left: Field, direction: Field, outflow: Field, step
             left[i, j] -= step * outflow[i, j]
 
 
-@compiled
 def _sweep(south: Field, east: Field, own: Field) -> Single:
     """Return the sweep s of a grid; 0 of an element without any conductance."""
-    rows, columns = own.shape
-    sweep = np.empty(own.shape, np.float32)
-    for i in range(rows):
-        up = i - 1 if i else rows - 1
-        for j in range(columns):
-            left = j - 1 if j else columns - 1
-            diagonal = own[i, j] + (south[up, j] + south[i, j]) + (east[i, left] + east[i, j])
-            sweep[i, j] = DAMPING / diagonal if diagonal > 0.0 else 0.0
-    return sweep
+    diagonal = own + (np.roll(south, 1, axis=0) + south) + (np.roll(east, 1, axis=1) + east)
+    return np.divide(DAMPING, diagonal, out=np.zeros(own.shape), where=diagonal > 0.0).astype(np.float32)
 
 
 @compiled
@@ -218,29 +210,18 @@ def _after(
             out[i, j] = rest * first[i, j] + sweep[i, j] * (inflow[i, j] + (along + across))
 
 
-@compiled
-def _diagonal(starts: Numbers, weight: Array, own: Array) -> Array:
+def _diagonal(graph: Graph) -> Array:
     """Return the diagonal of the matrix of a graph; 1 of a node without any conductance."""
-    diagonal = own.copy()
-    for node in range(own.size):
-        for k in range(starts[node], starts[node + 1]):
-            diagonal[node] += weight[k]
-        diagonal[node] = diagonal[node] or 1.0
+    diagonal = graph.own.copy()
+    np.add.at(diagonal, np.repeat(np.arange(diagonal.size), np.diff(graph.starts)), graph.weight)
+    diagonal[diagonal == 0.0] = 1.0
     return diagonal
 
 
 @compiled
-def _graph_before(
-    starts: Numbers,
-    heads: Numbers,
-    weight: Array,
-    diagonal: Array,
-    number: Numbers,
-    inflow: Array,
-    first: Array,
-    left: Array,
-) -> Array:
+def _graph_before(graph: Graph, diagonal: Array, number: Numbers, inflow: Array, first: Array, left: Array) -> Array:
     """Write the pressures of a sweep to ``first``, and add up the inflow that they leave, by aggregates."""
+    starts, heads, weight = graph.starts, graph.heads, graph.weight
     for node in range(inflow.size):
         first[node] = DAMPING / diagonal[node] * inflow[node]
     for node in range(inflow.size):
@@ -252,17 +233,9 @@ def _graph_before(
 
 
 @compiled
-def _graph_after(
-    starts: Numbers,
-    heads: Numbers,
-    weight: Array,
-    diagonal: Array,
-    number: Numbers,
-    inflow: Array,
-    coarse: Array,
-    first: Array,
-) -> Array:
+def _graph_after(graph: Graph, diagonal: Array, number: Numbers, inflow: Array, coarse: Array, first: Array) -> Array:
     """Return the pressures after the coarse correction of the ``first`` ones and a sweep."""
+    starts, heads, weight = graph.starts, graph.heads, graph.weight
     pressure = np.empty(inflow.size)
     for node in range(inflow.size):
         first[node] += coarse[number[node]]
@@ -275,8 +248,9 @@ def _graph_after(
 
 
 @compiled
-def _left(starts: Numbers, heads: Numbers, weight: Array, diagonal: Array, inflow: Array, pressure: Array) -> Array:
+def _left(graph: Graph, diagonal: Array, inflow: Array, pressure: Array) -> Array:
     """Return the inflow that pressures of a graph leave."""
+    starts, heads, weight = graph.starts, graph.heads, graph.weight
     left = np.empty(inflow.size)
     for node in range(inflow.size):
         rest = inflow[node] - diagonal[node] * pressure[node]

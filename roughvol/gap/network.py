@@ -122,21 +122,21 @@ def flow_through(down: Array, east: Array, accuracy: float = ACCURACY, start: Ar
     """
     network = Network(between_reservoirs(down, east))
     u = np.zeros(east.shape) if start is None else start.copy()
-    nearer, ends = np.zeros(east.shape), (1.0, 0.0)
+    nearer, inlets = np.zeros(east.shape), (1.0, 0.0)
     through, aside = np.empty(down.shape), np.empty(east.shape)
-    dissipation = _fluxes(through, aside, down, east, u, nearer, *ends)
+    dissipation = _fluxes(through, aside, down, east, u, nearer, inlets)
     for attempt in range(SOLVES):
         before = dissipation
         least = ROUNDING if attempt + 1 < SOLVES else 0.0
         more, error = network.correction(surplus(through, aside), dissipation, accuracy, least)
         u += more
-        dissipation = _fluxes(through, aside, down, east, u, nearer, *ends)
+        dissipation = _fluxes(through, aside, down, east, u, nearer, inlets)
         if accuracy > REFINED and not network.exact and before < LOST * dissipation:
             break
         if attempt == 0:
-            nearer, ends = (u > 0.5).astype(np.float64), (0.0, 1.0)
+            nearer, inlets = (u > 0.5).astype(np.float64), (0.0, 1.0)
             u -= nearer
-            dissipation = _fluxes(through, aside, down, east, u, nearer, *ends)
+            dissipation = _fluxes(through, aside, down, east, u, nearer, inlets)
     return Flow(through, aside, dissipation, error, nearer + u)
 
 
@@ -150,18 +150,11 @@ def between_reservoirs(down: Array, east: Array) -> Conductances:
 
 @compiled
 def _fluxes(
-    through: Array,
-    aside: Array,
-    down: Array,
-    east: Array,
-    fine: Array,
-    whole: Array,
-    fine_inlet: float,
-    whole_inlet: float,
+    through: Array, aside: Array, down: Array, east: Array, fine: Array, whole: Array, inlets: tuple[float, float]
 ) -> float:
     """Write the fluxes of the sum of two pressure fields, and return their dissipation; P = 0 at the outlet."""
     rows, columns = east.shape
-    fine_ends, whole_ends, outlet = np.full(columns, fine_inlet), np.full(columns, whole_inlet), np.zeros(columns)
+    fine_ends, whole_ends, outlet = np.full(columns, inlets[0]), np.full(columns, inlets[1]), np.zeros(columns)
     dissipation = 0.0
     for i in range(rows + 1):
         above, below = fine[i - 1] if i else fine_ends, fine[i] if i < rows else outlet
@@ -204,23 +197,14 @@ def flow_around(conductances: Conductances, accuracy: float = ACCURACY) -> float
     return dissipation
 
 
-@compiled
 def surplus(down: Array, east: Array) -> Array:
     """Return the flow into each element, from fluxes of the shapes of `Flow`."""
-    rows, columns = east.shape
-    inflow = np.empty(east.shape)
-    for i in range(rows):
-        for j in range(columns):
-            inflow[i, j] = down[i, j] - down[i + 1, j] + east[i, j - 1 if j else columns - 1] - east[i, j]
-    return inflow
+    return down[:-1] - down[1:] + np.roll(east, 1, axis=1) - east
 
 
 def differences(field: Array, inlet: float) -> Array:
     """Return the differences from line to line, those from the inlet and to the outlet (0) included."""
-    falls = np.empty((field.shape[0] + 1, field.shape[1]))
-    falls[0], falls[-1] = inlet - field[0], field[-1]
-    np.subtract(field[:-1], field[1:], out=falls[1:-1])
-    return falls
+    return np.concatenate([inlet - field[:1], field[:-1] - field[1:], field[-1:]])
 
 
 @compiled

@@ -6,7 +6,7 @@ import numpy as np
 
 from roughvol.gap import box_counting, free_volume, transport
 from roughvol.observables.regions import Values, View, Window, central, window, window_of
-from roughvol.observables.requests import flow_accuracy
+from roughvol.observables.requests import flow_accuracy, value_of
 from roughvol.observables.variables import AXES
 from roughvol.study import Case
 from roughvol.surfaces.surface import Surface
@@ -25,25 +25,22 @@ def _volumes(view: View) -> Array:
 
 def density(view: View) -> Values:
     """Return f(v) and its edges."""
-    asked = view.case.record.volume_density
-    assert asked is not None
+    asked = value_of(view.case.record, "volume_density")
     found = free_volume.volume_density(_volumes(view), view.contact, asked.bins, asked.include_contact)
     return {"volume_density": found.density, "volume_density_edges": found.edges}
 
 
 def bins(case: Case, surface: Surface) -> Values:
     """Return the labels of a density."""
-    assert case.record.volume_density is not None
-    number = case.record.volume_density.bins
+    number = value_of(case.record, "volume_density.bins")
     return {"bin": np.arange(number), "edge": np.arange(number + 1)}
 
 
 def boxes(view: View) -> Values:
     """Return the largest v, box counts and local dimensions, thresholds along the first axis."""
-    assert view.case.record.box_counting is not None
     volumes = _volumes(view)
     largest = float(volumes.max())
-    thresholds = view.case.record.box_counting.thresholds
+    thresholds = value_of(view.case.record, "box_counting.thresholds")
     domains = [free_volume.domain(volumes, share * largest, view.contact) for share in thresholds]
     counts = [box_counting.box_counts(domain, periodic=view.periodic) for domain in domains]
     dimensions = [box_counting.local_dimension(count).dimension for count in counts]
@@ -52,16 +49,14 @@ def boxes(view: View) -> Values:
 
 def box_sides(case: Case, surface: Surface) -> Values:
     """Return the labels of box counts."""
-    assert case.record.box_counting is not None
     empty = box_counting.box_counts(np.zeros(surface.shape, dtype=np.bool_)[window(case, surface.shape)])
     dimension = box_counting.local_dimension(empty)
-    return {"r": empty.r, "r_mid": dimension.r_mid, "threshold": list(case.record.box_counting.thresholds)}
+    return {"r": empty.r, "r_mid": dimension.r_mid, "threshold": list(value_of(case.record, "box_counting.thresholds"))}
 
 
 def widths(case: Case, surface: Surface) -> Values:
     """Return the widths over that of the surface."""
-    assert case.record.region_widths is not None
-    return {"region_width": list(case.record.region_widths.shares)}
+    return {"region_width": list(value_of(case.record, "region_widths.shares"))}
 
 
 def _windows(view: View) -> list[Window]:

@@ -7,7 +7,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from roughvol.contact.bracket import Target
 from roughvol.contact.loading import Compliance, Contact, Trials, sweep
@@ -125,20 +125,24 @@ def _is_closed(kind: str, case: Case, contact: Contact) -> float:
     return float(void.stops_percolating(kind, within(contact, case)))
 
 
-def at_level(
-    level: Level,
-    case: Case,
-    surface: Surface,
-    half_space: Compliance,
-    earlier: list[Mapping[str, Any]],
-    residual: float,
-    after: Contact,
-) -> Contact:
-    """Return the state at a level between two steps of a sweep, solved or searched for, and leave the sweep as it is.
+class Between(NamedTuple):
+    """The steps of a sweep around a level.
 
     `earlier` has `Contact.state` of one or two states before the level. `residual` is η/σ of the last of them. `after`
     is the first step at the level or beyond it.
     """
+
+    case: Case
+    surface: Surface
+    half_space: Compliance
+    earlier: list[Mapping[str, Any]]
+    residual: float
+    after: Contact
+
+
+def at_level(level: Level, between: Between) -> Contact:
+    """Return the state at a level between two steps, solved or searched for, and leave the sweep as it is."""
+    case, surface, half_space, earlier, residual, after = between
     value = level.value or 0.0
     options = options_of(case, surface)
     options = _coarse(options) if level.kind.startswith("percolation") else options
@@ -154,35 +158,25 @@ def at_level(
             end = trials.known(after.state(), after.residual)
             return state_crossing(trials, replace(target, elements=False), start, end)
         trials = Trials(surface, half_space, options)
-        between = [trials.known(state, residual) for state in earlier[-1:]]
-        trials.least = between[0] if between else None
-        return state_reaching(trials, target, [*between, trials.known(after.state(), after.residual)])
+        before = [trials.known(state, residual) for state in earlier[-1:]]
+        trials.least = before[0] if before else None
+        return state_reaching(trials, target, [*before, trials.known(after.state(), after.residual)])
     indentation = value if level.kind == "indentation" else after.indentation + after.separation - value
     if abs(indentation - after.indentation) <= ROUNDING * after.indentation:
         return after
     return next(sweep(surface, half_space, [indentation], options, resume=earlier))
 
 
-def closing(
-    axis: str,
-    step: int,
-    case: Case,
-    surface: Surface,
-    half_space: Compliance,
-    earlier: list[Mapping[str, Any]],
-    residual: float,
-    after: Contact,
-) -> Contact | None:
+def closing(axis: str, step: int, between: Between) -> Contact | None:
     """Return the state in which the last way along an axis closes, as `at_level`; None where it is open at a step.
 
     A way that is open at the last step of the first leg is pressed on until it closes, and left open on a surface that
     yields: its pressures end at the hardness.
     """
+    case, surface, half_space, *_, after = between
     level = Level(f"percolation-{axis}")
     if void.stops_percolating(level.kind, within(after, case)):
-        return (
-            after if is_end(level, step, case) else at_level(level, case, surface, half_space, earlier, residual, after)
-        )
+        return after if is_end(level, step, case) else at_level(level, between)
     if step < case.sweep.legs[0].steps or case.plastic:
         return None
     trials = Trials(surface, half_space, _coarse(options_of(case, surface)))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from roughvol.contact.loading import Compliance, Contact
-from roughvol.observables.levels import at_level, closing, is_end, on_legs, reached
+from roughvol.observables.levels import Between, at_level, closing, is_end, on_legs, reached
 from roughvol.observables.own import register
 from roughvol.observables.regions import Values, View, within
 from roughvol.observables.requests import asked, fields_of, value_of
@@ -26,14 +26,8 @@ from roughvol.typing import Array
 
 OF_SOLVER = ("iterations", "convolutions", "convolutions_fp32", "residual", "mean_pressure_bound", "converged")
 PER_STEP = (*OF_STATE, *OF_SOLVER)
-CONTENT = (
-    "steps",
-    "_values",
-    "_kept",
-    "_seconds",
-    "_convolutions",
-    "_pressures",
-)  # of a reduction, beside its last two states
+CONTENT = ("steps", "_values", "_kept", "_seconds", "_convolutions", "_pressures")
+"""Attributes that make up a reduction, beside its last two states."""
 
 
 def numbers(view: View) -> Values:
@@ -73,9 +67,8 @@ class Reduction:
         self._kept: dict[str, dict[str, tuple[int, Values]]] = {name: {} for name in levels}  # by label; once reached
         self._seconds = {name: 0.0 for name in levels if OBSERVABLES[name].seconds}
         self._convolutions = 0.0
-        self._pressures: dict[
-            str, Array
-        ] = {}  # of the fluid at the last state; of a case, so that a resumed one has them
+        # Of the fluid at the last state. A resumed case has them as well.
+        self._pressures: dict[str, Array] = {}
 
     @property
     def mean_pressure(self) -> float:
@@ -151,17 +144,19 @@ class Reduction:
         if level.value is None or level.kind == "step" or is_end(level, step, self._case):
             return whole
         with self._counted():
-            return at_level(level, self._case, self._surface, self._half_space, self.states, self.residual, whole)
+            return at_level(level, self._between(whole))
 
     def _close(self, step: int, whole: Contact) -> None:
         """Store the load at which the last way along each axis closes, once it is known."""
         loads = self._values.setdefault("closing_pressure", np.full(len(AXES), np.nan))
         for axis in np.flatnonzero(np.isnan(loads)):
-            around = self._surface, self._half_space, self.states, self.residual, whole
             with self._counted():
-                state = closing(AXES[axis], step, self._case, *around)
+                state = closing(AXES[axis], step, self._between(whole))
             if state is not None:
                 loads[axis] = within(state, self._case).mean_pressure
+
+    def _between(self, whole: Contact) -> Between:
+        return Between(self._case, self._surface, self._half_space, self.states, self.residual, whole)
 
     @contextmanager
     def _counted(self) -> Iterator[None]:

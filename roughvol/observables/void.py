@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from roughvol.gap import clusters, quick_estimates, transport
 from roughvol.gap.gas import conduction_of_gas
 from roughvol.gap.perimeter import contact_perimeter
-from roughvol.observables.regions import Values, View, window
+from roughvol.observables.regions import State, Values, View, window
 from roughvol.observables.requests import flow_accuracy
 from roughvol.observables.variables import AXES
 from roughvol.study import Case
@@ -24,27 +24,14 @@ SEARCHED = 1e-9  # accuracy of a flow whose value is searched for
 EXPONENTS = {"transmissivity": 3.0, "diffusivity": 1.0}
 
 
-class Void(Protocol):
-    """A state of contact, as far as its void."""
-
-    @property
-    def periodic(self) -> bool:
-        """Whether the gap is one period of a plane."""
-        ...
-
-    def gap(self) -> Array:
-        """Return g/σ, exactly 0 in contact."""
-        ...
-
-
-def stops_percolating(kind: str, state: Void) -> bool:
+def stops_percolating(kind: str, state: State) -> bool:
     """Return whether no open way is left along the axes that the end of a sweep names: percolation-x, -y or -both."""
     void = state.gap() > 0.0
     asked = [axis for axis, name in enumerate(AXES) if kind.endswith((name, "both"))]
     return not any(clusters.percolates(void, axis, periodic=state.periodic) for axis in asked)
 
 
-def leak_rates(state: Void) -> dict[str, float]:
+def leak_rates(state: State) -> dict[str, float]:
     """Return the starred leak rates Q 12 μ/(ΔP σ³) along x and y, T* V*³ times width over length of the region.
 
     Along a loading every gap falls, and so does the flow between two reservoirs (Rayleigh's monotonicity law).

@@ -88,7 +88,7 @@ def random_midpoint_displacement(
         centres = 0.25 * (corners[:-1, :-1] + corners[:-1, 1:] + corners[1:, :-1] + corners[1:, 1:])
         centres += deviations[2 * level] * normal((cells, cells))
         heights[half::step, half::step] = centres
-        heights_x, heights_y = _edge_midpoints(corners, centres)
+        heights_x, heights_y = _edge_midpoints(corners, centres), _edge_midpoints(corners.T, centres.T).T
         noise_x, noise_y = _edge_noise(normal, cells)
         heights[half::step, ::step] = heights_x + deviations[2 * level + 1] * noise_x
         heights[::step, half::step] = heights_y + deviations[2 * level + 1] * noise_y
@@ -143,19 +143,14 @@ def midpoint_levels(m: int) -> Index:
     return levels
 
 
-def _edge_midpoints(corners: Array, centres: Array) -> tuple[Array, Array]:
-    """Return the mean of the neighbours of the midpoints of the edges along x and of those along y."""
-    along_x = corners[:-1] + corners[1:]
-    along_x[:, 1:] += centres
-    along_x[:, :-1] += centres
-    along_x[:, 1:-1] /= 4.0
-    along_x[:, [0, -1]] /= 3.0
-    along_y = corners[:, :-1] + corners[:, 1:]
-    along_y[1:] += centres
-    along_y[:-1] += centres
-    along_y[1:-1] /= 4.0
-    along_y[[0, -1]] /= 3.0
-    return along_x, along_y
+def _edge_midpoints(corners: Array, centres: Array) -> Array:
+    """Return the mean of the neighbours of the midpoints of the edges along the first axis."""
+    means = corners[:-1] + corners[1:]
+    means[:, 1:] += centres
+    means[:, :-1] += centres
+    means[:, 1:-1] /= 4.0
+    means[:, [0, -1]] /= 3.0
+    return means
 
 
 def _edge_noise(normal: Callable[[int | tuple[int, int]], Array], cells: int) -> tuple[Array, Array]:

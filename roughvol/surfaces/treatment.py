@@ -65,7 +65,8 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
         suspect = known & ((rest - low > limit) | (high - rest > limit) | (np.abs(rest - middle) > limit))
     row, column = np.nonzero(suspect)
     windows = np.lib.stride_tricks.sliding_window_view(framed, (window, window))
-    inside = [_nodes_inside(n, reach, periodic) for n in heights.shape]
+    nodes_in_window = (np.convolve(np.ones(n), np.ones(window))[reach : reach + n] for n in heights.shape)
+    inside = [np.full(nodes.shape, window) if periodic else nodes for nodes in nodes_in_window]
     step = max(AT_ONCE // window**2, 1)
     for start in range(0, len(row), step):
         part = row[start : start + step], column[start : start + step]
@@ -83,14 +84,6 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
         )
         raise SurfaceError(message)
     return mask
-
-
-def _nodes_inside(nodes: int, reach: int, periodic: bool) -> Index:
-    """Return how many nodes along an axis are in the window around each node."""
-    node = np.arange(nodes)
-    if periodic:
-        return np.full(nodes, 2 * reach + 1)
-    return np.asarray(np.minimum(node + reach, nodes - 1) - np.maximum(node - reach, 0) + 1)
 
 
 def _robust(heights: Array, known: Mask, sigma: float, degree: str) -> tuple[Array, float, float]:

@@ -56,8 +56,8 @@ def test_joints_of_aggregates_are_the_scaled_sums_of_those_of_their_elements(sha
         if count == 1 or (graph.row.max() == 0 and graph.column.max() == 0):
             break
         joints, grid = dense(graph), Conductances(graph.weight, graph.weight, graph.own)
-        number, count = aggregates.of_graph(*graph)
-        graph = aggregates.graph_of_graph(*graph, number, count)
+        number, count = aggregates.of_graph(graph)
+        graph = aggregates.graph_of_graph(graph, number, count)
 
 
 @pytest.mark.parametrize("shape", SHAPES)
