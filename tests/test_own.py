@@ -162,7 +162,7 @@ def test_a_function_that_fails_names_itself(functions, words):
 
 
 def test_the_mean_of_a_function_is_that_of_the_built_in_quantity_it_returns_to_the_bit():
-    asked = ensemble("p: mine:p, largest_gap: mine:largest", "p: 9 %, pressure: 9 %, largest_gap: 5 %")
+    asked = ensemble("p: mine:p, largest_gap: mine:largest", "p: 20 %, pressure: 20 %, largest_gap: 9 %")
     assert loads(asked.to_yaml()) == asked
     ds = roughvol.run(asked, jobs=1)
     for name in (str(name) for name in ds if str(name).startswith("p_")):
