@@ -16,6 +16,7 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import click
 
@@ -24,6 +25,7 @@ from roughvol import plotting, spellings
 from roughvol.campaign import signals
 from roughvol.cli import group, main
 from roughvol.observables.variables import VARIABLES
+from roughvol.report import page
 from roughvol.study import STATE_KINDS
 from roughvol.study.reference import keys
 from roughvol.study.values import own
@@ -75,7 +77,8 @@ def public() -> dict[str, list[str]]:
     """Return all public names by their kind, as in the table of former spellings."""
     paths = keys()
     codes = (0, group.FAILED, group.BAD_INPUT, *(group.BY_SIGNAL + number for number in map(int, signals.ALL)))
-    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+    without_figures = mock.patch.object(page, "drawings_of", return_value=())
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), without_figures:
         attributes, answers = _of_runs()
     found: dict[spellings.Kind, set[str]] = {
         "key": {key.path for key in paths}

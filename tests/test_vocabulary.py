@@ -16,6 +16,7 @@ import pytest
 import roughvol
 from roughvol.cli import main
 from roughvol.cli.group import GROUPS
+from roughvol.report import page
 from tests.kit import call
 
 STUDY = """
@@ -48,6 +49,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("vocabulary")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
+        patch.setattr(page, "drawings_of", lambda *_: ())  # figures of a report: reproduction/test_report.py
         for name in ("tiny", "other"):
             Path(f"{name}.yaml").write_text(STUDY, encoding="utf-8")
             roughvol.run(f"{name}.yaml", jobs=1)

@@ -212,7 +212,10 @@ def test_json_has_units_intervals_and_counts(run: Dataset, folder: Path, tmp_pat
             assert (way["open"], way["surfaces"]) == (2, 2)
 
 
-def test_intervals_with_a_budget_are_those_of_cards_at_the_states(folder: Path, tmp_path: Path) -> None:
+def test_intervals_with_a_budget_are_those_of_cards_at_the_states(tmp_path: Path) -> None:
+    folder = tmp_path / "rubber"
+    steps = "pressures: [0.25, 0.48, 0.52, 0.72, 0.78, 1.0]"  # few, near the states that are read
+    execution.run(loads(TEXT.replace("steps: 24, to: {pressure: 2.0}", steps)), jobs=1, out=folder)
     _law("table: {times: [1 s, 1 h], ratios: [1, 1.5]}", tmp_path)
     words = (
         "creep",

@@ -17,7 +17,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 from unittest import mock
@@ -85,6 +85,15 @@ class Refused(Exception):
     """The program refuses a question with a message."""
 
 
+_GROUPS: dict[tuple[Path, bytes], list[Group]] = {}  # of files with their content: each is read once
+
+
+@cache
+def _dataset(file: Path, content: bytes) -> xr.Dataset:
+    with xr.open_dataset(file, engine="netcdf4") as stored:
+        return stored.load()
+
+
 @dataclass
 class Made:
     """A run that was made in a folder."""
@@ -103,16 +112,18 @@ class Made:
         """E* in MPa, that of the changed study for a run of now."""
         return 20.0 if self.name and self.kind.name == "study-changed" else self.kind.modulus
 
-    @cached_property
+    @property
     def stored(self) -> xr.Dataset:
         """Its dataset."""
-        with xr.open_dataset(self.file, engine="netcdf4") as stored:
-            return stored.load()
+        return _dataset(self.file, self.file.read_bytes())
 
-    @cached_property
+    @property
     def groups(self) -> list[Group]:
         """Its surfaces, as the oracle reads them."""
-        return oracle.groups(self.file, self.modulus, self.kind.lists, self.kind.ends)
+        key = self.file, self.file.read_bytes()
+        if key not in _GROUPS:
+            _GROUPS[key] = oracle.groups(self.file, self.modulus, self.kind.lists, self.kind.ends)
+        return _GROUPS[key]
 
     def group(self, words: str) -> Group:
         """Return the surfaces that a row or a curve means, by the words around it that not all surfaces share."""

@@ -22,8 +22,13 @@ def _axes(surface: Surface, unit: str | None = "um") -> list[Axes]:
     return figure.axes
 
 
-def test_the_profiles_run_through_the_highest_point() -> None:
-    *_, along_x, along_y = _axes(Surface(HEIGHTS, 2.0))
+@pytest.fixture(scope="module")
+def axes() -> list[Axes]:
+    return _axes(Surface(HEIGHTS, 2.0))
+
+
+def test_the_profiles_run_through_the_highest_point(axes: list[Axes]) -> None:
+    *_, along_x, along_y = axes
     z = HEIGHTS - HEIGHTS.mean()
     x, profile = along_x.lines[1].get_data()
     assert np.allclose(x, 2.0 * np.arange(20))
@@ -33,16 +38,16 @@ def test_the_profiles_run_through_the_highest_point() -> None:
     assert "50$ µm" in along_x.get_title()
 
 
-def test_the_map_has_x_across_and_its_colours_ignore_one_spike() -> None:
-    plan, *_ = _axes(Surface(HEIGHTS, 2.0))
+def test_the_map_has_x_across_and_its_colours_ignore_one_spike(axes: list[Axes]) -> None:
+    plan, *_ = axes
     (image,) = plan.images
     assert np.allclose(image.get_array(), (HEIGHTS - HEIGHTS.mean()).T)
     assert image.get_extent() == [-1.0, 39.0, -1.0, 59.0]
     assert image.get_clim()[1] < 15.0
 
 
-def test_the_histogram_counts_every_node() -> None:
-    _, _, histogram, *_ = _axes(Surface(HEIGHTS, 2.0))
+def test_the_histogram_counts_every_node(axes: list[Axes]) -> None:
+    _, _, histogram, *_ = axes
     assert sum(bar.get_height() for bar in histogram.patches) == HEIGHTS.size
 
 
@@ -56,7 +61,7 @@ def test_the_histogram_counts_every_node() -> None:
     ],
 )
 def test_lengths_are_drawn_in_a_unit_that_can_be_read(unit: str | None, size: float, labels: tuple[str, str]) -> None:
-    *_, along_x, _ = _axes(Surface(HEIGHTS * size, 2.0 * size), unit)
+    *_, along_x, _ = surface_picture.look(Surface(HEIGHTS * size, 2.0 * size), unit, "a map").axes
     assert (along_x.get_xlabel(), along_x.get_ylabel()) == labels
 
 

@@ -118,7 +118,13 @@ def test_terms(licence: str, terms: str) -> None:
     assert licences.terms(licence) == terms
 
 
-def test_the_installed_packages_are_those_of_the_markers() -> None:
+@pytest.fixture(scope="module")
+def rows() -> list[licences.Licence]:
+    """Of the installed packages; their files are searched once."""
+    return roughvol.licences()
+
+
+def test_the_installed_packages_are_those_of_the_markers(rows: list[licences.Licence]) -> None:
     """An independent walk, which evaluates each marker, finds the packages that an installation needs."""
     waiting, seen = [("roughvol", "")], set()
     while waiting:
@@ -129,22 +135,24 @@ def test_the_installed_packages_are_those_of_the_markers() -> None:
         for requirement in map(Requirement, metadata.requires(name) or ()):
             if requirement.marker is None or requirement.marker.evaluate({"extra": extra}):
                 waiting += [(canonicalize_name(requirement.name), one) for one in ("", *requirement.extras)]
-    found = {canonicalize_name(row.name) for row in roughvol.licences() if row.needed_by == ("roughvol",)}
+    found = {canonicalize_name(row.name) for row in rows if row.needed_by == ("roughvol",)}
     assert found >= {name for name, _ in seen}
     assert {name for name in found - {name for name, _ in seen} if name in ("pytest", "sphinx", "ruff")} == set()
 
 
-def test_every_library_beside_a_needed_package_is_a_part_and_known() -> None:
-    rows = [row for row in roughvol.licences() if row.needed_by == ("roughvol",)]
-    for row in rows:
+def test_every_library_beside_a_needed_package_is_a_part_and_known(rows: list[licences.Licence]) -> None:
+    needed = [row for row in rows if row.needed_by == ("roughvol",)]
+    for row in needed:
         paths = [path for path in metadata.files(row.name) or () if ".libs/" in path.as_posix()]
         names = {path.name.removeprefix("lib").split("-")[0].split(".so")[0] for path in paths}
         assert names <= {part.removeprefix("lib") for part in row.parts}
-    assert [row.name for row in rows if row.terms == licences.UNKNOWN] == []
+    assert [row.name for row in needed if row.terms == licences.UNKNOWN] == []
 
 
-def test_the_command_prints_what_the_function_returns() -> None:
-    rows = roughvol.licences()
+def test_the_command_prints_what_the_function_returns(
+    rows: list[licences.Licence], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(roughvol, "licences", lambda: rows)
     answer = json.loads(said("licences", "--json"))["rows"]
     assert [(row["name"], row["licence"], row["parts"], row["terms"]) for row in answer] == [
         (row.name, row.licence, row.parts, row.terms) for row in rows

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 import roughvol
+from roughvol.report import page
 from tests.kit import call, refused, said
 from tests.stored_runs.archive import VERSIONS, studies, unpack
 
@@ -89,8 +90,12 @@ def test_a_run_shows_the_numbers_that_its_version_printed(here: dict[str, Any], 
 
 
 @pytest.mark.parametrize(("here", "name"), SOME, indirect=["here"])
-def test_every_question_on_a_run_is_answered(here: dict[str, Any], name: str, tmp_path: Path) -> None:
+def test_every_question_on_a_run_is_answered(
+    here: dict[str, Any], name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     version = Path.cwd().name
+    if version == OLDEST and name != "paper":  # the next test draws its figures
+        monkeypatch.setattr(page, "drawings_of", lambda *_: ())
     at = studies(version)[name]["at"]
     results = roughvol.open(name)
     assert results.attrs["roughvol_version"] == version

@@ -85,4 +85,5 @@ def test_the_default_of_height_files_that_changed_is_said(tmp_path: Path, monkey
         assert done.exit_code == 0, done.output
         assert done.stderr.count(said) == times
         assert said not in call("run", "s.yaml").stderr  # nothing is computed
-        assert [call("card", "s.yaml", *fresh).stderr.count(said) for fresh in (["--fresh"], [])] == [times, 0]
+        cards = [call("card", "s.yaml", "--json", *fresh).stderr.count(said) for fresh in (["--fresh"], [])]
+        assert cards == [times, 0]
