@@ -11,9 +11,7 @@ import signal
 from collections.abc import Callable, Iterator
 from types import FrameType
 
-ENDS = tuple(
-    getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)
-)  # one is absent on Windows
+ENDS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))  # Windows has no SIGHUP
 ALL = (signal.SIGINT, *ENDS)
 
 Handler = Callable[[int, FrameType | None], None]
