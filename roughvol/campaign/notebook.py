@@ -5,27 +5,21 @@ from __future__ import annotations
 import html
 import sys
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from roughvol.campaign.batch import OnEvent, Progress
+from roughvol.campaign.batch import OnEvent, Progress
 
 AFTER = 0.5  # seconds of a run before its bar appears
 EVERY = 0.2  # seconds between two drawings
 
 
-def in_notebook() -> bool:
-    """Return whether this process is the kernel of a notebook."""
-    if "IPython" not in sys.modules:
-        return False
-    from IPython import get_ipython
-
-    return getattr(get_ipython(), "kernel", None) is not None
-
-
 def progress() -> OnEvent | None:
     """Return a function that draws runs longer than `AFTER` seconds in the cell at work, None outside a notebook."""
-    return Bar() if in_notebook() else None
+    if "IPython" not in sys.modules:
+        return None
+    from IPython import get_ipython
+
+    return Bar() if getattr(get_ipython(), "kernel", None) is not None else None
 
 
 class Bar:
