@@ -50,10 +50,8 @@ def surfaces_of(study: Study) -> dict[str, Study]:
     surface = study.surface
     if not isinstance(surface, HeightFile) or len(surface.each) == 1:
         return {"": study}
-    found = {}
-    for one in surface.each:
-        found[Path(one.file).name] = study.changed(**{"surface.file": str(one.file), "surface.files": None})
-    return found
+    files = [Path(one.file) for one in surface.each]
+    return {file.name: study.changed(**{"surface.file": str(file), "surface.files": None}) for file in files}
 
 
 def plan(study: Study, at: Level, together: Sequence[Level] = ()) -> Plan:
@@ -159,11 +157,8 @@ def _at_equal_pressure(study: Study, levels: Sequence[Level], keys: Mapping[str,
     """Return the study with another surface, at the same nominal pressures p = p* E* Sq/L."""
     if not isinstance(study.surface, HeightFile):
         return Planned(words, _changed(study, levels, keys), levels[0])
-    steepness = []
-    for one in (study, _changed(study, levels, keys)):
-        surface = surface_of(one.cases()[0])
-        steepness.append(surface.unit / surface.side)
-    ratio = steepness[0] / steepness[1]
+    surface, other = (surface_of(one.cases()[0]) for one in (study, _changed(study, levels, keys)))
+    ratio = (surface.unit / surface.side) / (other.unit / other.side)
     if levels[0].kind == "pressure":
         levels = [
             one if isinstance(one.value, Quantity) else replace(one, value=(one.value or 0.0) * ratio) for one in levels
