@@ -26,7 +26,6 @@ from roughvol.typing import Changes, Number
 NU = 0.3  # taken by `press` for E without nu
 STEPS = 20  # of `press`
 PERIODIC = "surface.sides is periodic for a period; mirrored or free for a part of a joint"
-OF_STUDY = {"": "study"}
 OF_PRESS = {
     "": "arguments",
     "surface": "argument surface",
@@ -119,7 +118,7 @@ def run(
         with _named({}):
             whole = changed(study, texts) if isinstance(study, Study) else load(study, texts)
             return _warned(execution.run(whole, **options))
-    with _written(study, Arguments("run", OF_STUDY)) as (data, names, files):
+    with _written(study, Arguments("run", {"": "study"})) as (data, names, files):
         if files and scheduler is not None:
             message = "run: argument scheduler: its workers do not have the heights in memory; store them in a file"
             raise CampaignError(message)
