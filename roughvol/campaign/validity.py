@@ -349,13 +349,10 @@ def _of_states(given: Setting, states: _States) -> Iterator[Finding]:
             "fluid": (given.fluid / np.where(states.starred > UNLOADED, nominal, math.nan), flow),
             "pressure_drop": (given.drop / nominal, flow),
         }
-    words = {"contact": _percent(states.highest(contact)), "load": _percent(states.highest(load))}
+    words = {name: f"{100.0 * states.highest(each):.3g} %" for name, each in (("contact", contact), ("load", load))}
     words |= {"hardness": given.hardness_text, "fluid": _pressure(given, given.fluid), "sides": given.fluid_text}
     remedy = "the leak at the states of record.fluid_pressure has it, the dry leak along the steps has not"
-    words |= {
-        "drop": str(given.drop_text),
-        "remedy": remedy if given.lifted else "record.fluid_pressure computes it",
-    }
+    words |= {"drop": str(given.drop_text), "remedy": remedy if given.lifted else "record.fluid_pressure computes it"}
     for key, (number, among) in numbers.items():
         beyond = (number >= LIMITS[key].value) & among
         if not beyond.any():
@@ -386,7 +383,3 @@ def _pressure(given: Setting, over_modulus: float, unit: str | None = None) -> s
         return f"{over_modulus:.3g} E*"
     unit = unit or given.shown
     return f"{convert(over_modulus * given.modulus, given.unit, unit):.3g} {unit}"
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.3g} %"
