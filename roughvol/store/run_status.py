@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from roughvol.errors import DatasetError, StudyError
+from roughvol.errors import DatasetError, FolderError, StudyError
 from roughvol.store import lock, run_folder, same_study, sample_plan
 from roughvol.store.lock import Holder
 from roughvol.store.run_folder import case_file, folder_of
@@ -82,7 +82,8 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
     study = study if isinstance(study, Study) else load(study)
     folder = folder_of(study, out)
     cases = sample_plan.cases_of(study, folder)
-    same_study.check_same_study(folder, study, cases)
+    if another := same_study.another_study(folder, study, cases):
+        raise FolderError(another)
     holder = lock.holder(folder)
     noted, left = _progress(folder) if holder else ((), None)
     stored, failures = run_folder.stored_ids(folder), run_folder.failures(folder, cases)
