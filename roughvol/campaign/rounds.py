@@ -145,4 +145,4 @@ def step_errors(study: Study, stopping: Callable[[], bool] = lambda: False) -> S
 def expected(study: Study) -> list[Expected]:
     """Return the expected samples and costs of an ensemble by D."""
     prediction = Prediction(study)
-    return prediction.expected(in_memory(prediction.cases), surfaces_alone(prediction.surfaces))
+    return prediction.expected(in_memory(prediction.request.cases), surfaces_alone(prediction.request.surfaces))
