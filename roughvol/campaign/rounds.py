@@ -24,7 +24,7 @@ from roughvol.ensemble.design import Design
 from roughvol.ensemble.prediction import Expected, Prediction
 from roughvol.ensemble.step_error import StepErrors
 from roughvol.observables.variables import DTYPES, VARIABLES
-from roughvol.store import dataset, sample_plan
+from roughvol.store import dataset, sample_plan, small_file
 from roughvol.store.dataset import Arrays, Dataset
 from roughvol.study import Case, Study
 
@@ -116,8 +116,7 @@ def _with_answer(results: Dataset, design: Design) -> Dataset:
     for name, (dims, array) in answer.variables(design).items():
         row = VARIABLES[name]
         results[name] = (dims, np.asarray(array, dtype=DTYPES[row.kind]))
-        units = row.units.replace("length", results.attrs.get("length_unit", "length"))
-        results[name].attrs = {"units": units, "long_name": row.long_name, "symbol": row.symbol}
+        results[name].attrs = small_file.words_of(row, results.attrs.get("length_unit", "length"))
     return results.assign_attrs(answer="\n".join(answer.sentences(design)))
 
 

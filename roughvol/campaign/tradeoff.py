@@ -36,7 +36,8 @@ from roughvol.contact.loading import sweep
 from roughvol.contact.options import Options
 from roughvol.errors import ContactError
 from roughvol.gap import box_counting, free_volume
-from roughvol.store import provenance
+from roughvol.observables.variables import DTYPES
+from roughvol.store import provenance, small_file
 from roughvol.store.dataset import Dataset
 from roughvol.store.tradeoff_variables import EACH, QUANTITIES, RUNG, RUNG_VARIABLES, TABLE
 from roughvol.study import Case, Study
@@ -136,8 +137,7 @@ def measure(study: Study, on_rung: Callable[[int, int], None] | None = None) -> 
                     on_rung(column * len(rungs) + row + 1, len(cases) * len(rungs))
     coords: dict[str, Any] = {"surface": ("surface", np.array([case.label for case in cases], dtype=object))}
     for name, variable in RUNG_VARIABLES.items():
-        kind = {"text": object, "index": np.int64}.get(variable.kind, np.float64)
-        coords[name] = (RUNG, np.array([getattr(rung, name) for rung in rungs], dtype=kind))
+        coords[name] = (RUNG, np.array([getattr(rung, name) for rung in rungs], dtype=DTYPES[variable.kind]))
     coords["D"] = ("surface", np.array([np.nan if case.D is None else case.D for case in cases]))
     result = Dataset(
         {name: (EACH.split(), array) for name, array in values.items()},
@@ -145,7 +145,7 @@ def measure(study: Study, on_rung: Callable[[int, int], None] | None = None) -> 
         attrs=provenance.provenance(study.stored(), fft=FFT, cases=cases, ids=[case.id for case in cases]),
     )
     for name, variable in TABLE.items():
-        result[name].attrs = {"units": variable.units, "long_name": variable.long_name, "symbol": variable.symbol}
+        result[name].attrs = small_file.words_of(variable, "length")
     result["D"].attrs = {"units": "1", "long_name": "fractal dimension of the surface", "symbol": "D"}
     return result
 

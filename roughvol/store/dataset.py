@@ -276,8 +276,7 @@ def _described(dataset: Dataset) -> Dataset:
     """Give every variable the units, name and symbol of the table."""
     unit = dataset.attrs.get("length_unit", "length")
     for name, variable in dataset.variables.items():
-        row = VARIABLES[str(name)]
-        variable.attrs = {"units": row.units.replace("length", unit), "long_name": row.long_name, "symbol": row.symbol}
+        variable.attrs = small_file.words_of(VARIABLES[str(name)], unit)
     return dataset.set_coords([str(name) for name in dataset.variables if name in COORDS or _is_dim(str(name))])
 
 
