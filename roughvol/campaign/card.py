@@ -174,31 +174,27 @@ def _changed(
     The levels, of one kind, are recorded. The factor is for pressures of the sweep and of the fluid. The finest run has
     the flow of the quadrants half way to the end of the first leg, the gas, and the lifted gap.
     """
-    data = {"fluid": None, **study.model_dump(mode="json")}
+    data = study.model_dump(mode="json")
+    recorded, legs = data["record"], study.sweep.legs
     values = [str(one.value) if isinstance(one.value, Quantity) else one.value for one in levels]
     distinct = sorted(set(values), key=str)
     wanted: Any = "last" if values[0] is None else {levels[0].kind: distinct if len(distinct) > 1 else values[0]}
-    kept = {name: data["record"][name] for name in ("region", "dimensional") if data["record"].get(name) is not None}
-    if len(study.sweep.legs) > 1:
-        kept["all_legs"] = True
-    kept.get("dimensional", {}).pop("critical_gap", None)
-    given = (data["record"].get("transport") or {}).get("accuracy")
+    given = (recorded.get("transport") or {}).get("accuracy")
     transport: dict[str, Any] = {"percolation": "every-step", "constriction": "every-step", "flux_at": wanted}
     transport |= {"accuracy": given or ACCURACY, "closing": True, "transmissivity": "every-step"}
     if fine and len(study.cases()) == 1:  # the quadrants of the only surface stand for other windows
-        transport["quadrants"] = {"step": [max(1, study.sweep.legs[0].steps // 2)]}
-    if study.gas_flow and fine:
+        transport["quadrants"] = {"step": [max(1, legs[0].steps // 2)]}
+    gas = study.gas_flow and fine  # the budget is that of the liquid
+    if gas:
         transport["gas_flow"] = "every-step"
-    else:  # the budget is that of the liquid
-        data["fluid"] = None
-        kept.get("dimensional", {}).pop("gas_leak_rate", None)
-    if not kept.get("dimensional"):
-        kept.pop("dimensional", None)
-    fluid = data["record"].get("fluid_pressure")
-    if fluid is not None:
-        scaled = {name: _times(fluid[name], pressures) for name in ("inlet", "outlet")}
-        kept["fluid_pressure"] = {**fluid, **scaled, "at": wanted, "fields": fine}
-    record = {**kept, "transport": transport, "fields_at": wanted}
+    left_out = ("critical_gap",) if gas else ("critical_gap", "gas_leak_rate")
+    units = {name: unit for name, unit in (recorded.get("dimensional") or {}).items() if name not in left_out}
+    record = {"region": recorded.get("region"), "dimensional": units or None, "all_legs": len(legs) > 1}
+    record |= {"transport": transport, "fields_at": wanted}
+    lift = recorded.get("fluid_pressure")
+    if lift is not None:
+        scaled = {name: _times(lift[name], pressures) for name in ("inlet", "outlet")}
+        record["fluid_pressure"] = {**lift, **scaled, "at": wanted, "fields": fine}
     if study.seal is not None and fine:
         record["heights"] = True  # they show a roll-off
     for leg in data["sweep"] if isinstance(data["sweep"], list) else [data["sweep"]]:
@@ -207,7 +203,7 @@ def _changed(
         if "pressures" in leg:
             leg["pressures"] = [_times(pressure, pressures) for pressure in leg["pressures"]]
     of_surface = {f"surface.{name}": value for name, value in keys.items()}
-    return study.changed(record=record, sweep=data["sweep"], fluid=data["fluid"], **of_surface)
+    return study.changed(record=record, sweep=data["sweep"], fluid=data["fluid"] if gas else None, **of_surface)
 
 
 def _times(pressure: Any, factor: float) -> Any:
