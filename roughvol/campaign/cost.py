@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 import math
-import time
+import timeit
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
@@ -247,13 +247,9 @@ def seconds_per_convolution(shape: Shape, sides: Sides = "free") -> float:
     half_space = HalfSpace(timed, sides=sides)
     pressure = np.ones(timed)
     half_space.displacement(pressure)  # plans
-    times = []
-    for _ in range(5):
-        started = time.perf_counter()
-        half_space.displacement(pressure)
-        times.append(time.perf_counter() - started)
+    seconds = min(timeit.repeat(lambda: half_space.displacement(pressure), number=1, repeat=5))
     size, timed_size = math.prod(shape), math.prod(timed)
-    return min(times) * size * math.log(size) / (timed_size * math.log(timed_size))
+    return seconds * size * math.log(size) / (timed_size * math.log(timed_size))
 
 
 def _size(number: float) -> str:

@@ -20,6 +20,7 @@ its time, at least one half.
 from __future__ import annotations
 
 import time
+import timeit
 import tracemalloc
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -245,12 +246,8 @@ def _dimension_error(run: _Run, reference: _Run) -> float:
 def _seconds(half_space: HalfSpace, single: bool) -> float:
     elements = np.arange(0, half_space.shape[0] * half_space.shape[1], 7)
     pressure = np.ones(elements.size, dtype=np.float32 if single else np.float64)
-    times = []
-    for _ in range(6):  # the first one makes the plans
-        started = time.perf_counter()
-        half_space.displacement_at(elements, pressure, single=single)
-        times.append(time.perf_counter() - started)
-    return min(times)
+    # the first makes the plans
+    return min(timeit.repeat(lambda: half_space.displacement_at(elements, pressure, single=single), number=1, repeat=6))
 
 
 def _peak(surface: Surface, end: float, rung: Rung) -> float:
