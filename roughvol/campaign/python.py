@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, SupportsFloat, SupportsIndex
 
-from roughvol.campaign import execution, notebook
+from roughvol.campaign import execution, machine, notebook
 from roughvol.campaign.batch import OnEvent, Progress
 from roughvol.errors import CampaignError, Problem, RoughvolError, StudyError, SurfaceError, warn
 from roughvol.store.dataset import Dataset
@@ -307,15 +307,11 @@ def _named(files: Mapping[Path, str]) -> Iterator[None]:
     try:
         yield
     except RoughvolError as raised:
-        error: BaseException | None = raised
-        seen: list[BaseException] = []
-        while error is not None and error not in seen:
-            seen.append(error)
+        for error in machine.with_causes(raised):
             error.args = tuple(_text(part, files) if isinstance(part, str) else part for part in error.args)
             if isinstance(error, StudyError):
                 error.problems = tuple(_named_problem(one, files) for one in error.problems)
                 error.args = ("\n".join(map(str, error.problems)),)
-            error = error.__cause__ or error.__context__
         raise
 
 
