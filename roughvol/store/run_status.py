@@ -93,15 +93,15 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
     versions: Counter[str] = Counter()
     for id, case in cases.items():
         file = run_folder.examined(case_file(folder, id), case, quick=True) if id in stored else None
+        if file is not None and file.outdated:
+            outdated[id] = str(file.fault)
+            file = None
         if file is not None and file.fault is None:
             done.append(id)
             versions[file.version] += 1
+        elif id in noted or id in failures:
             continue
-        if file is not None and file.outdated:
-            outdated[id] = str(file.fault)
-        if id in noted or id in failures:
-            continue
-        if file is None or file.outdated:
+        elif file is None:
             missing.append(id)
         else:
             damaged[id] = str(file.fault)
@@ -138,8 +138,7 @@ def listed(folder: str | Path) -> list[Listed]:
     folder = Path(folder)
     if not folder.is_dir():
         raise DatasetError(f"no folder {folder}: roughvol run STUDY makes runs/NAME")
-    found = [_listed(path.parent) for path in folder.glob("*/study.yaml")]
-    return sorted(found, key=lambda run: run.age)
+    return sorted([_listed(path.parent) for path in folder.glob("*/study.yaml")], key=lambda run: run.age)
 
 
 def _listed(folder: Path) -> Listed:
