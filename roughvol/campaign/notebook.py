@@ -49,13 +49,11 @@ class Bar:
         if now is None:
             return "starting"
         failed = f" ({now.failed} failed)" if now.failed else ""
-        parts = [f"{now.kept + now.done} of {now.cases} case{'s' * (now.cases != 1)}{failed}"]
-        parts += [now.interval] if now.interval else []
+        cases = f"{now.kept + now.done} of {now.cases} case{'s' * (now.cases != 1)}{failed}"
+        duration = f"{time.monotonic() - self._started:.1f} s"
         if now.work < 1.0 and now.left is not None:
-            parts.append(f"about {now.left:.0f} s left")
-        else:
-            parts.append(f"{time.monotonic() - self._started:.1f} s")
-        return " · ".join(parts)
+            duration = f"about {now.left:.0f} s left"
+        return " · ".join(filter(None, (cases, now.interval, duration)))
 
     def _repr_html_(self) -> str:
         work = self._now.work if self._now is not None else 0.0
