@@ -388,8 +388,7 @@ class Cards:
             for name, some in ({"": list(runs.values())} | single).items():
                 title = ", ".join(filter(None, (self.study.name, *self.varied, words, name)))
                 stem = "_".join(filter(None, map(slug, ("card", load, *self.varied, words, name))))
-                fine = tuple(one.fine.dataset for one in some)
-                pages.append(Page(card_of(some, title, load), fine, origin, stem))
+                pages.append(Page(card_of(some, title, load), tuple(one.fine.dataset for one in some), origin, stem))
         return pages
 
     def write(self) -> list[Path]:

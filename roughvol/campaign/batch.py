@@ -285,8 +285,7 @@ class Batch:
         _, labels = stamped_file.unstamped(result, path)
         version = labels.get("version", "")
         if fault := run_folder.mismatch(path, labels, run_folder.labels_for(case)):
-            message = f"a worker has roughvol {version}, whose answers are of another format: {fault}"
-            return CampaignError(message)
+            return CampaignError(f"a worker has roughvol {version}, whose answers are of another format: {fault}")
         if version not in self._versions:
             self._versions.add(version)
             self._tell(notice=f"a worker has roughvol {version}, here is {__version__}: answers of one format")

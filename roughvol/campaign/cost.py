@@ -235,8 +235,7 @@ def choices(study: Study, jobs: int | None = None) -> list[Choice]:
     options = []
     for name, rtol in ACCURACY.items():
         solver = {"solver.accuracy": name, "solver.rtol": None, "solver.max_error": None}
-        seconds = estimate(study.changed(**solver), jobs).seconds
-        options.append(Choice(name, rtol, seconds, EXPECTED[name]))
+        options.append(Choice(name, rtol, estimate(study.changed(**solver), jobs).seconds, EXPECTED[name]))
     return options
 
 

@@ -316,8 +316,7 @@ def _of_surfaces(given: Setting, states: _States) -> Iterator[Finding]:
     slopes = states.slopes[np.isfinite(states.slopes)]
     if given.scaled and (steep := int(np.sum(slopes > LIMITS["slope"].value))):
         surfaces = f" on {steep} of {slopes.size} surfaces" if slopes.size > 1 else ""
-        words = {"highest": f"{slopes.max():.2g}", "surfaces": surfaces}
-        yield _finding("slope", words, Extent(steep, slopes.size))
+        yield _finding("slope", {"highest": f"{slopes.max():.2g}", "surfaces": surfaces}, Extent(steep, slopes.size))
     contact = states.in_contact if given.scaled else math.nan
     if given.unit is not None and given.hardness is None and not contact < LIMITS["metal"].value:
         modulus = convert(given.modulus, given.unit, "GPa")

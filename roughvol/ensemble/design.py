@@ -83,8 +83,7 @@ class Design:
         self.table.add_all(self._request, arrays, numbers)
         self.estimates = {D: estimates_of(self.table, D, self.steps.errors) for D in self.table.dimensions}
         for D, estimates in self.estimates.items():
-            half_widths = tuple(estimate.mean.half_width for estimate in estimates)
-            self.rounds[D].append((self.table.cost(D), half_widths))
+            self.rounds[D].append((self.table.cost(D), tuple(estimate.mean.half_width for estimate in estimates)))
 
     @property
     def goal(self) -> Counts:

@@ -85,8 +85,7 @@ class Prediction:
             plain = max(plain, allocation.plain_cost(variance, costs[-1], half_width))
         surfaces = max(surfaces, *counts)
         together = sum(number * each for number, each in zip(counts, costs, strict=True)) + surfaces * cost.SURFACE
-        samples = dict(zip(levels, counts, strict=True))
-        return Expected(D, samples, surfaces, together, plain, table.study.sweep.steps)
+        return Expected(D, dict(zip(levels, counts, strict=True)), surfaces, together, plain, table.study.sweep.steps)
 
 
 def _links(values: Sequence[Array], alone: Array, D: float, first: Sequence[int]) -> Links:

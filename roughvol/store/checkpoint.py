@@ -59,8 +59,7 @@ def numerics() -> str:
 
     Only equal ones continue a sweep. The version of roughvol counts, unlike in a finished case.
     """
-    names = ("numpy", "scipy", "pyfftw")
-    versions = [f"{name} {importlib.metadata.version(name)}" for name in names]
+    versions = [f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "scipy", "pyfftw")]
     return ", ".join([f"roughvol {__version__}", *versions, platform.machine(), *_vector_units()])
 
 

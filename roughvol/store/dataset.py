@@ -161,9 +161,8 @@ def _with_axis(dataset: Dataset) -> Dataset:
             behind = row.dims.partition(" axis")[2].split()
             before = [dim for dim in pair[0].dims if dim not in behind]
             joined = xr.concat(pair, labels).transpose(*before, "axis", *behind)
-            words = {"symbol": row.symbol, "long_name": row.long_name}
-            own = {name: joined.assign_attrs(pair[0].attrs | words)}
-            dataset = dataset.assign(own).drop_vars([one.name for one in pair])
+            joined = joined.assign_attrs(pair[0].attrs | {"symbol": row.symbol, "long_name": row.long_name})
+            dataset = dataset.assign({name: joined}).drop_vars([one.name for one in pair])
     return dataset
 
 

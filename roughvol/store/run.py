@@ -290,8 +290,7 @@ def _of_another_study(file: Path, results: Dataset, stored: str, given: Study) -
     if lines := _changes(file, stored, given.stored()):
         return lines
     cases = sample_plan.cases_of(given, file.parent)
-    stored_files = json.loads(results.attrs.get("height_files", "[]"))
-    then = {(body["file"], body["sha256"]) for body in stored_files}
+    then = {(body["file"], body["sha256"]) for body in json.loads(results.attrs.get("height_files", "[]"))}
     now = {(body.file.name, body.sha256) for case in cases.values() for body in case.bodies}
     lines = [
         f"surface.file: the content of {name} has changed (sha256 {old[:8]} → {new[:8]})"
