@@ -115,9 +115,8 @@ def rungs_of(case: Case) -> list[Rung]:
     if case.m is not None:
         least = min(case.m, PAPER_M)
         few = max(k for k in fewer if k <= max(6, min(fewer)))
-        rungs += [
-            replace(base, ladder="method", m=least, steps=few, method=how, rtol=1e-6) for how in ("fast", "paper")
-        ]
+        small = replace(base, ladder="method", m=least, steps=few, rtol=1e-6)
+        rungs += [replace(small, method=how) for how in ("fast", "paper")]
         rungs += [replace(base, ladder="resolution", m=k) for k in range(max(1, case.m - LEVELS + 1), case.m + 1)]
     return rungs
 
@@ -232,15 +231,16 @@ def _dimension_error(run: _Run, reference: _Run) -> float:
     """Return the largest difference of the local dimensions at equal box lengths; the largest boxes have length L."""
     worst = 0.0
     for share in THRESHOLDS:
-        one, other = (
-            box_counting.local_dimension(
-                box_counting.box_counts(free_volume.domain(each.gap, share * float(each.gap.max()), each.contact))
-            ).dimension[::-1]
-            for each in (run, reference)
-        )
+        one, other = _local_dimensions(run, share), _local_dimensions(reference, share)
         common = min(one.size, other.size)
         worst = max(worst, float(np.abs(one[:common] - other[:common]).max(initial=0.0)))
     return worst
+
+
+def _local_dimensions(run: _Run, share: float) -> Array:
+    """Return the local dimensions of the domain D(v ≤ ``share`` v_max), from the largest boxes on."""
+    domain = free_volume.domain(run.gap, share * float(run.gap.max()), run.contact)
+    return box_counting.local_dimension(box_counting.box_counts(domain)).dimension[::-1]
 
 
 def _seconds(half_space: HalfSpace, single: bool) -> float:
