@@ -39,10 +39,8 @@ def starred(case: Case, surface: Surface) -> Case:
             raise ContactError(str(error)) from error
 
     legs = tuple(_starred(leg, of) for leg in case.sweep.legs)
-    case = replace(case, record=case.record.starred(of))
-    if isinstance(case.sweep, Legs):
-        return replace(case, sweep=case.sweep.model_copy(update={"root": legs}))
-    return replace(case, sweep=legs[0])
+    swept = case.sweep.model_copy(update={"root": legs}) if isinstance(case.sweep, Legs) else legs[0]
+    return replace(case, sweep=swept, record=case.record.starred(of))
 
 
 def _starred(leg: Sweep, of: Callable[[Level], Level]) -> Sweep:
