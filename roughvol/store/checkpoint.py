@@ -69,10 +69,8 @@ def _vector_units() -> list[str]:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
         return [platform.processor()]
-    flags = next(
-        (line.split(":", 1)[1].split() for line in lines if line.lower().startswith(("flags", "features"))), []
-    )
-    return sorted(flag for flag in flags if flag.startswith(("sse", "avx", "fma", "asimd", "sve", "amx")))
+    flags = next((line.partition(":")[2] for line in lines if line.lower().startswith(("flags", "features"))), "")
+    return sorted(flag for flag in flags.split() if flag.startswith(("sse", "avx", "fma", "asimd", "sve", "amx")))
 
 
 def packed(state: State) -> bytes:

@@ -240,10 +240,8 @@ def _check_stamp(attributes: Mapping[str, str], labels: stamped_file.Labels, pat
         raise DatasetError(f"{path} is damaged: it has no description of its case") from error
     for name in ("case", "key", "study", "format_of_answers"):
         if name in labels and name in own and labels[name] != own[name]:
-            message = (
-                f"{path} has the stamp of another dataset: {name} is {labels[name]!r}, in its content {own[name]!r}"
-            )
-            raise DatasetError(message)
+            difference = f"{name} is {labels[name]!r}, in its content {own[name]!r}"
+            raise DatasetError(f"{path} has the stamp of another dataset: {difference}")
 
 
 def answers(dataset: Dataset) -> Dataset:

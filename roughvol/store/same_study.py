@@ -99,9 +99,8 @@ def _with_files_of(old: Study, new: Study) -> Study:
     against = surface.against
     if against is not None and given.against is not None:
         against = against.model_copy(update={"file": given.against.file})
-    return old.model_copy(
-        update={"surface": surface.model_copy(update={"file": given.file, "files": given.files, "against": against})}
-    )
+    surface = surface.model_copy(update={"file": given.file, "files": given.files, "against": against})
+    return old.model_copy(update={"surface": surface})
 
 
 def _answers(study: Study) -> list[dict[str, Any]]:
