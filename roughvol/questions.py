@@ -388,8 +388,7 @@ class Cards:
             for name, some in ({"": list(runs.values())} | single).items():
                 title = ", ".join(filter(None, (self.study.name, *self.varied, words, name)))
                 stem = "_".join(filter(None, map(slug, ("card", load, *self.varied, words, name))))
-                fine = tuple(one.fine.dataset for one in some)
-                pages.append(Page(card_of(some, title, load), fine, origin, stem))
+                pages.append(Page(card_of(some, title, load), tuple(one.fine.dataset for one in some), origin, stem))
         return pages
 
     def write(self) -> list[Path]:
@@ -586,8 +585,6 @@ class Reported:
 
     def plain(self) -> dict[str, Any]:
         """Return numbers and provenance, the content of claims.json."""
-        import json
-
         from roughvol.report import page
 
         data: dict[str, Any] = json.loads(page.to_json(self.report))
@@ -833,11 +830,11 @@ class Explained:
     """A name in words; what the name does not have is empty or None."""
 
     name: str
-    keys: tuple[Key, ...]  # the key of the name in each of its forms; without a name, the sections
-    others: tuple[Key, ...]  # keys inside the section; without a key of the name, keys of other sections that end so
-    variable: Variable | None  # the stored variable
-    stored_by: str  # the key of a study that stores the variable
-    gas: Fluid | None  # the gas, into vacuum
+    keys: tuple[Key, ...] = ()  # the key of the name in each of its forms; without a name, the sections
+    others: tuple[Key, ...] = ()  # keys inside the section; without a key of the name, keys elsewhere that end so
+    variable: Variable | None = None  # the stored variable
+    stored_by: str = ""  # the key of a study that stores the variable
+    gas: Fluid | None = None  # the gas, into vacuum
 
 
 def explain(name: str | None = None) -> Explained:
@@ -881,11 +878,9 @@ def explain(name: str | None = None) -> Explained:
 
     word = (name or "").strip().strip(".")
     if not word:
-        return Explained("", tuple(key for key in keys() if "." not in key.path), (), None, "", None)
+        return Explained("", tuple(key for key in keys() if "." not in key.path))
     if word in SUBSTANCES:
-        return Explained(
-            word, (), (), None, "", Fluid.model_validate({"gas": word, "inlet": "1 bar", "outlet": "0 bar"})
-        )
+        return Explained(word, gas=Fluid.model_validate({"gas": word, "inlet": "1 bar", "outlet": "0 bar"}))
     exact = tuple(key for key in keys() if key.path == word)
     inside = tuple(key for key in keys() if key.path.rpartition(".")[0] == word)
     other = tuple(key for key in keys() if not exact and key.path.rpartition(".")[2] == word)
@@ -896,11 +891,9 @@ def explain(name: str | None = None) -> Explained:
     if not exact and not other and not stored:
         near = difflib.get_close_matches(word, explained_names(), n=3, cutoff=0.5)
         hint = f"did you mean {' or '.join(near)}? " if near else ""
-        message = f"no key and no variable {word!r}; {hint}roughvol explain lists the sections"
-        raise DatasetError(message)
-    return Explained(
-        stored or word, exact, inside or other, VARIABLES.get(stored), record_key(stored) if stored else "", None
-    )
+        raise DatasetError(f"no key and no variable {word!r}; {hint}roughvol explain lists the sections")
+    stored_by = record_key(stored) if stored else ""
+    return Explained(stored or word, exact, inside or other, VARIABLES.get(stored), stored_by)
 
 
 def _own_explained(word: str) -> Explained | None:
@@ -928,7 +921,7 @@ def _own_explained(word: str) -> Explained | None:
     if end and row.dims != "... step":  # an array has no mean
         return None
     stored_by = f"record.own: {{{name}: {target}}}" + (f", ensemble.accuracy: {{{name}: 5 %}}" if end else "")
-    return Explained(last, (), (), with_means(name, row)[last], stored_by, None)
+    return Explained(last, variable=with_means(name, row)[last], stored_by=stored_by)
 
 
 def explained_names() -> list[str]:

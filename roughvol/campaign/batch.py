@@ -188,7 +188,7 @@ class Batch:
         self._shapes = {case.id: cost.shape_of(case, shape) for case in cases}
         works = {case.id: expected_seconds(case, self._shapes[case.id]) for case in cases}
         self._steps = {case.id: case.sweep.steps for case in cases}
-        self._forecast, self._more = Forecast(works, self._steps, later), later > 0.0
+        self._forecast = Forecast(works, self._steps, later)
         self._expected = sum(works.values())
         self._cases = sorted(cases, key=lambda case: -works[case.id])  # the longest first
         labels = Counter(case.label for case in cases)
@@ -198,16 +198,14 @@ class Batch:
         self._steps_done, self._done = 0, 0  # of the cases that have ended
         self._failures: dict[str, BaseException] = {}
         self._versions = {__version__}  # of this process and of the workers
-        self._noted = time.monotonic()
+        self._noted = -math.inf
 
     def compute(self) -> None:
         """Compute all cases; raise a `CampaignError` if cases failed, and KeyboardInterrupt if the run was stopped."""
         scheduler, jobs = self._control.scheduler, self._control.jobs or machine.cores()
-        processes, here = min(jobs, len(self._cases)), False
-        if scheduler is None:
-            processes, here = self._processes(jobs)
+        processes, here = self._processes(jobs) if scheduler is None else (jobs, False)
         self._tell()
-        self._note(at_once=True)
+        self._note()
         threads = 1 if scheduler else max(1, jobs // processes)  # other cores work inside the convolutions
         folder, mark = self._folder.resolve(), lock.mark(self._folder) if scheduler else None
         context = Context(threads=threads, study=self._study, surface=self._surface)
@@ -287,8 +285,7 @@ class Batch:
         _, labels = stamped_file.unstamped(result, path)
         version = labels.get("version", "")
         if fault := run_folder.mismatch(path, labels, run_folder.labels_for(case)):
-            message = f"a worker has roughvol {version}, whose answers are of another format: {fault}"
-            return CampaignError(message)
+            return CampaignError(f"a worker has roughvol {version}, whose answers are of another format: {fault}")
         if version not in self._versions:
             self._versions.add(version)
             self._tell(notice=f"a worker has roughvol {version}, here is {__version__}: answers of one format")
@@ -300,7 +297,6 @@ class Batch:
 
     def _tell(self, event: str = "", notice: str = "") -> None:
         """Report the progress to the caller of the run."""
-        ended = self._done + len(self._failures) == len(self._cases)
         progress = Progress(
             cases=self._kept + len(self._cases),
             kept=self._kept,
@@ -308,17 +304,17 @@ class Batch:
             failed=len(self._failures),
             steps=sum(self._steps.values()),
             steps_done=self._steps_done + sum(self._reached.values()),
-            work=1.0 if ended and not self._more else self._forecast.share,
+            work=self._forecast.share,
             event=event,
             notice=notice,
             left=self._forecast.left(),
         )
         self._control.on_event(progress)
 
-    def _note(self, *, at_once: bool = False) -> None:
+    def _note(self) -> None:
         """Update progress.json if the last update is old enough."""
         now = time.monotonic()
-        if at_once or now - self._noted >= NOTED_EVERY:
+        if now - self._noted >= NOTED_EVERY:
             self._noted = now
             run_folder.note(self._folder, {"running": list(self._reached), "left": self._forecast.left()})
 

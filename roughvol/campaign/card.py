@@ -50,10 +50,8 @@ def surfaces_of(study: Study) -> dict[str, Study]:
     surface = study.surface
     if not isinstance(surface, HeightFile) or len(surface.each) == 1:
         return {"": study}
-    found = {}
-    for one in surface.each:
-        found[Path(one.file).name] = study.changed(**{"surface.file": str(one.file), "surface.files": None})
-    return found
+    files = [Path(one.file) for one in surface.each]
+    return {file.name: study.changed(**{"surface.file": str(file), "surface.files": None}) for file in files}
 
 
 def plan(study: Study, at: Level, together: Sequence[Level] = ()) -> Plan:
@@ -159,11 +157,8 @@ def _at_equal_pressure(study: Study, levels: Sequence[Level], keys: Mapping[str,
     """Return the study with another surface, at the same nominal pressures p = p* E* Sq/L."""
     if not isinstance(study.surface, HeightFile):
         return Planned(words, _changed(study, levels, keys), levels[0])
-    steepness = []
-    for one in (study, _changed(study, levels, keys)):
-        surface = surface_of(one.cases()[0])
-        steepness.append(surface.unit / surface.side)
-    ratio = steepness[0] / steepness[1]
+    surface, other = (surface_of(one.cases()[0]) for one in (study, _changed(study, levels, keys)))
+    ratio = (surface.unit / surface.side) / (other.unit / other.side)
     if levels[0].kind == "pressure":
         levels = [
             one if isinstance(one.value, Quantity) else replace(one, value=(one.value or 0.0) * ratio) for one in levels
@@ -179,31 +174,27 @@ def _changed(
     The levels, of one kind, are recorded. The factor is for pressures of the sweep and of the fluid. The finest run has
     the flow of the quadrants half way to the end of the first leg, the gas, and the lifted gap.
     """
-    data = {"fluid": None, **study.model_dump(mode="json")}
+    data = study.model_dump(mode="json")
+    recorded, legs = data["record"], study.sweep.legs
     values = [str(one.value) if isinstance(one.value, Quantity) else one.value for one in levels]
     distinct = sorted(set(values), key=str)
     wanted: Any = "last" if values[0] is None else {levels[0].kind: distinct if len(distinct) > 1 else values[0]}
-    kept = {name: data["record"][name] for name in ("region", "dimensional") if data["record"].get(name) is not None}
-    if len(study.sweep.legs) > 1:
-        kept["all_legs"] = True
-    kept.get("dimensional", {}).pop("critical_gap", None)
-    given = (data["record"].get("transport") or {}).get("accuracy")
+    given = (recorded.get("transport") or {}).get("accuracy")
     transport: dict[str, Any] = {"percolation": "every-step", "constriction": "every-step", "flux_at": wanted}
     transport |= {"accuracy": given or ACCURACY, "closing": True, "transmissivity": "every-step"}
     if fine and len(study.cases()) == 1:  # the quadrants of the only surface stand for other windows
-        transport["quadrants"] = {"step": [max(1, study.sweep.legs[0].steps // 2)]}
-    if study.gas_flow and fine:
+        transport["quadrants"] = {"step": [max(1, legs[0].steps // 2)]}
+    gas = study.gas_flow and fine  # the budget is that of the liquid
+    if gas:
         transport["gas_flow"] = "every-step"
-    else:  # the budget is that of the liquid
-        data["fluid"] = None
-        kept.get("dimensional", {}).pop("gas_leak_rate", None)
-    if not kept.get("dimensional"):
-        kept.pop("dimensional", None)
-    fluid = data["record"].get("fluid_pressure")
-    if fluid is not None:
-        scaled = {name: _times(fluid[name], pressures) for name in ("inlet", "outlet")}
-        kept["fluid_pressure"] = {**fluid, **scaled, "at": wanted, "fields": fine}
-    record = {**kept, "transport": transport, "fields_at": wanted}
+    left_out = ("critical_gap",) if gas else ("critical_gap", "gas_leak_rate")
+    units = {name: unit for name, unit in (recorded.get("dimensional") or {}).items() if name not in left_out}
+    record = {"region": recorded.get("region"), "dimensional": units or None, "all_legs": len(legs) > 1}
+    record |= {"transport": transport, "fields_at": wanted}
+    lift = recorded.get("fluid_pressure")
+    if lift is not None:
+        scaled = {name: _times(lift[name], pressures) for name in ("inlet", "outlet")}
+        record["fluid_pressure"] = {**lift, **scaled, "at": wanted, "fields": fine}
     if study.seal is not None and fine:
         record["heights"] = True  # they show a roll-off
     for leg in data["sweep"] if isinstance(data["sweep"], list) else [data["sweep"]]:
@@ -212,7 +203,7 @@ def _changed(
         if "pressures" in leg:
             leg["pressures"] = [_times(pressure, pressures) for pressure in leg["pressures"]]
     of_surface = {f"surface.{name}": value for name, value in keys.items()}
-    return study.changed(record=record, sweep=data["sweep"], fluid=data["fluid"], **of_surface)
+    return study.changed(record=record, sweep=data["sweep"], fluid=data["fluid"] if gas else None, **of_surface)
 
 
 def _times(pressure: Any, factor: float) -> Any:

@@ -67,10 +67,9 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
     except (DatasetError, SurfaceError) as error:
         if made:  # an argument of Python, which the caller names
             raise
+        key = "surface.file" if len(given.each) == 1 else "surface.files"
         with study.placing():
-            raise StudyError(
-                [Problem(str(error), "surface.file" if len(given.each) == 1 else "surface.files")]
-            ) from error
+            raise StudyError([Problem(str(error), key)]) from error
     return surface
 
 

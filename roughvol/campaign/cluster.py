@@ -74,19 +74,6 @@ class Cluster:
 
     def messages(self) -> Iterator[Any]:
         """Yield the messages of tasks since the last call; raise a `CampaignError` if no worker is left."""
-        self._check()
-        while not self._inbox.empty():
-            message = self._inbox.get()
-            yield tuple(message) if isinstance(message, list) else message  # tuples may arrive as lists
-
-    def stop(self) -> None:
-        """Ask the tasks begun to end early."""
-        self._stop.set()
-
-    def renew(self) -> None:
-        """Do nothing: the scheduler replaces dead workers."""
-
-    def _check(self) -> None:
         self.width()
         now = time.monotonic()
         if self._threads:
@@ -97,6 +84,16 @@ class Cluster:
                 "what is finished is kept, run again to go on"
             )
             raise CampaignError(message)
+        while not self._inbox.empty():
+            message = self._inbox.get()
+            yield tuple(message) if isinstance(message, list) else message  # tuples may arrive as lists
+
+    def stop(self) -> None:
+        """Ask the tasks begun to end early."""
+        self._stop.set()
+
+    def renew(self) -> None:
+        """Do nothing: the scheduler replaces dead workers."""
 
     def close(self, *, at_once: bool) -> None:
         """Leave the scheduler, mid-task if at once."""

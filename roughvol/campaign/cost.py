@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 import math
-import time
+import timeit
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
@@ -67,12 +67,10 @@ class Estimate:
 def shape_of(case: Case, known: Shape | None = None) -> Shape:
     """Return the nodes of a case; of height files those known, or those of the surface, which is read."""
     nodes = case.nodes_per_side
-    return (nodes, nodes) if nodes is not None else known or _measured_shape(_of_surface(case))
-
-
-def _of_surface(case: Case) -> Case:
-    """Return a case without its solver and its record, which change no surface; functions of the user have no hash."""
-    return replace(case, solver=Solver(), record=type(case.record)())
+    if nodes is not None:
+        return nodes, nodes
+    # solver and record change no surface; functions of the user have no hash
+    return known or _measured_shape(replace(case, solver=Solver(), record=type(case.record)()))
 
 
 @functools.lru_cache(maxsize=8)
@@ -185,11 +183,13 @@ def _estimate(cases: Sequence[Case], jobs: int | None) -> Estimate:
     alike = [(case, shape_of(case), number) for case, number in _alike(cases)]
     needs = [need for case, shape, number in alike for need in [memory_of(case, shape)] * min(number, jobs)]
     jobs, notice = limited(jobs, needs, machine.available_memory())
-    seconds = [_seconds(case, shape) for case, shape, _ in alike]
+    longest, together = 0.0, 0.0
     observables: Counter[str] = Counter()
     for case, shape, number in alike:
+        convolution = seconds_per_convolution(shape, case.sides) if case.sweep.steps > 0 else 0.0
+        seconds = expected_seconds(case, shape, convolution)
+        longest, together = max(longest, seconds), together + number * seconds
         observables.update({name: number * taken for name, taken in observable_seconds(case, shape).items()})
-    together = sum(number * taken for (_, _, number), taken in zip(alike, seconds, strict=True))
     return Estimate(
         cases=len(cases),
         steps=sum(case.sweep.steps for case in cases),
@@ -197,7 +197,7 @@ def _estimate(cases: Sequence[Case], jobs: int | None) -> Estimate:
         memory=max(needs),
         # each case is stored in its file and in study.nc
         disk=2 * sum(number * disk_of(case, shape) for case, shape, number in alike),
-        seconds=START + max(together / jobs, max(seconds)),
+        seconds=START + max(together / jobs, longest),
         observables=dict(observables),
         notice=notice,
     )
@@ -235,15 +235,8 @@ def choices(study: Study, jobs: int | None = None) -> list[Choice]:
     options = []
     for name, rtol in ACCURACY.items():
         solver = {"solver.accuracy": name, "solver.rtol": None, "solver.max_error": None}
-        seconds = estimate(study.changed(**solver), jobs).seconds
-        options.append(Choice(name, rtol, seconds, EXPECTED[name]))
+        options.append(Choice(name, rtol, estimate(study.changed(**solver), jobs).seconds, EXPECTED[name]))
     return options
-
-
-def _seconds(case: Case, shape: Shape) -> float:
-    """Return the seconds of a case, with a convolution timed on its grid."""
-    timed = case.sweep.steps > 0
-    return expected_seconds(case, shape, seconds_per_convolution(shape, case.sides) if timed else 0.0)
 
 
 @functools.cache
@@ -253,13 +246,9 @@ def seconds_per_convolution(shape: Shape, sides: Sides = "free") -> float:
     half_space = HalfSpace(timed, sides=sides)
     pressure = np.ones(timed)
     half_space.displacement(pressure)  # plans
-    times = []
-    for _ in range(5):
-        started = time.perf_counter()
-        half_space.displacement(pressure)
-        times.append(time.perf_counter() - started)
+    seconds = min(timeit.repeat(lambda: half_space.displacement(pressure), number=1, repeat=5))
     size, timed_size = math.prod(shape), math.prod(timed)
-    return min(times) * size * math.log(size) / (timed_size * math.log(timed_size))
+    return seconds * size * math.log(size) / (timed_size * math.log(timed_size))
 
 
 def _size(number: float) -> str:

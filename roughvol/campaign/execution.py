@@ -86,9 +86,8 @@ def run(
         try:
             Batch(folder, study.of_each_case(), missing, begin.kept, control, surface=surface, alone=alone).compute()
         except CampaignError:
-            for sentence in interpretation.doubts(
-                study, surface
-            ):  # a number that was meant otherwise may be the reason
+            # a number that was meant otherwise may be the reason
+            for sentence in interpretation.doubts(study, surface):
                 on_event(replace(begin, notice=f"warning: {sentence}"))
             raise
         return collection.of_run(folder, cases, study, stopping, again=True)

@@ -23,7 +23,7 @@ from roughvol.surfaces.surface import Surface
 from roughvol.typing import Sides
 
 LARGEST_M = 10  # of a generated surface made to show it: 2^20 nodes
-SOFT, HARD = 1e-4, 1.0  # hardness over E*: a tenth of that of the softest metals (`validity.SOFTEST`); of no solid
+SOFT, HARD = 1e-4, 1.0  # hardness over E*: a tenth of that of the softest metals (validity.toml: `metal`); of no solid
 BEYOND: dict[Sides, str] = {
     "free": "nothing beyond them, so the rim carries more than the middle",
     "mirrored": "the surface and its mirror images make an endless plane",

@@ -48,17 +48,23 @@ def too_narrow() -> str:
     )
 
 
+def with_causes(error: BaseException | None) -> list[BaseException]:
+    """Return an error and its causes."""
+    found: list[BaseException] = []
+    while error is not None and error not in found:
+        found.append(error)
+        error = error.__cause__ or error.__context__
+    return found
+
+
 def is_lack_of_memory(error: BaseException | None) -> bool:
     """Return whether an error or one of its causes is a lack of memory."""
-    seen: set[int] = set()
-    while error is not None and id(error) not in seen:
-        seen.add(id(error))
-        text = str(error).lower()
-        if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
+    for one in with_causes(error):
+        text = str(one).lower()
+        if isinstance(one, MemoryError) or (isinstance(one, OSError) and one.errno == errno.ENOMEM):
             return True
-        if isinstance(error, ImportError | OSError | RuntimeError) and any(part in text for part in _MESSAGES):
+        if isinstance(one, ImportError | OSError | RuntimeError) and any(part in text for part in _MESSAGES):
             return True
-        error = error.__cause__ or error.__context__
     return False
 
 

@@ -5,27 +5,21 @@ from __future__ import annotations
 import html
 import sys
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from roughvol.campaign.batch import OnEvent, Progress
+from roughvol.campaign.batch import OnEvent, Progress
 
 AFTER = 0.5  # seconds of a run before its bar appears
 EVERY = 0.2  # seconds between two drawings
 
 
-def in_notebook() -> bool:
-    """Return whether this process is the kernel of a notebook."""
-    if "IPython" not in sys.modules:
-        return False
-    from IPython import get_ipython
-
-    return getattr(get_ipython(), "kernel", None) is not None
-
-
 def progress() -> OnEvent | None:
     """Return a function that draws runs longer than `AFTER` seconds in the cell at work, None outside a notebook."""
-    return Bar() if in_notebook() else None
+    if "IPython" not in sys.modules:
+        return None
+    from IPython import get_ipython
+
+    return Bar() if getattr(get_ipython(), "kernel", None) is not None else None
 
 
 class Bar:
@@ -55,13 +49,11 @@ class Bar:
         if now is None:
             return "starting"
         failed = f" ({now.failed} failed)" if now.failed else ""
-        parts = [f"{now.kept + now.done} of {now.cases} case{'s' * (now.cases != 1)}{failed}"]
-        parts += [now.interval] if now.interval else []
+        cases = f"{now.kept + now.done} of {now.cases} case{'s' * (now.cases != 1)}{failed}"
+        duration = f"{time.monotonic() - self._started:.1f} s"
         if now.work < 1.0 and now.left is not None:
-            parts.append(f"about {now.left:.0f} s left")
-        else:
-            parts.append(f"{time.monotonic() - self._started:.1f} s")
-        return " · ".join(parts)
+            duration = f"about {now.left:.0f} s left"
+        return " · ".join(filter(None, (cases, now.interval, duration)))
 
     def _repr_html_(self) -> str:
         work = self._now.work if self._now is not None else 0.0

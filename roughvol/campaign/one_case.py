@@ -168,11 +168,7 @@ def undeformed(case: Case, surface: Surface) -> Values:
 
 
 def _swept(
-    case: Case,
-    surface: Surface,
-    half_space: Compliance,
-    checkpoint: Checkpoint | None,
-    context: Context,
+    case: Case, surface: Surface, half_space: Compliance, checkpoint: Checkpoint | None, context: Context
 ) -> Values:
     """Return the values recorded of the sweep; steps in the checkpoint are not solved again."""
     reduced, way = Reduction(case, surface, half_space), path.Path(case, surface, half_space)

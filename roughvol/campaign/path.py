@@ -39,10 +39,8 @@ def starred(case: Case, surface: Surface) -> Case:
             raise ContactError(str(error)) from error
 
     legs = tuple(_starred(leg, of) for leg in case.sweep.legs)
-    case = replace(case, record=case.record.starred(of))
-    if isinstance(case.sweep, Legs):
-        return replace(case, sweep=case.sweep.model_copy(update={"root": legs}))
-    return replace(case, sweep=legs[0])
+    swept = case.sweep.model_copy(update={"root": legs}) if isinstance(case.sweep, Legs) else legs[0]
+    return replace(case, sweep=swept, record=case.record.starred(of))
 
 
 def _starred(leg: Sweep, of: Callable[[Level], Level]) -> Sweep:
@@ -83,15 +81,14 @@ class Path:
             if number and legs[number - 1].listed is not None:
                 self.end = so_far.states[-1]["indentation"]
             self._begin(leg, number, so_far)
-        if place == leg.steps - 1:
-            if self._case.plastic and leg.steps > 1 and not self._half_space.kernel.m_matrix:
-                # what has yielded on the way may differ from what the search at the begin of the leg found
-                self.end = self._reaching(leg.target, so_far)
-                return self.end
-            return self.plan[-1] if leg.equal == "indentation" else self.end
+        last = place == leg.steps - 1
+        if last and self._case.plastic and leg.steps > 1 and not self._half_space.kernel.m_matrix:
+            # what has yielded on the way may differ from what the search at the begin of the leg found
+            self.end = self._reaching(leg.target, so_far)
+            return self.end
         if leg.equal == "indentation":
             return self.plan[place]
-        return self._reaching(Level("pressure", self.plan[place]), so_far)
+        return self.end if last else self._reaching(Level("pressure", self.plan[place]), so_far)
 
     def _begin(self, leg: Sweep, number: int, so_far: Reduction) -> None:
         """Find the end of a leg that begins where the leg before ends, and plan its steps."""

@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, SupportsFloat, SupportsIndex
 
-from roughvol.campaign import execution, notebook
+from roughvol.campaign import execution, machine, notebook
 from roughvol.campaign.batch import OnEvent, Progress
 from roughvol.errors import CampaignError, Problem, RoughvolError, StudyError, SurfaceError, warn
 from roughvol.store.dataset import Dataset
@@ -26,7 +26,6 @@ from roughvol.typing import Changes, Number
 NU = 0.3  # taken by `press` for E without nu
 STEPS = 20  # of `press`
 PERIODIC = "surface.sides is periodic for a period; mirrored or free for a part of a joint"
-OF_STUDY = {"": "study"}
 OF_PRESS = {
     "": "arguments",
     "surface": "argument surface",
@@ -119,7 +118,7 @@ def run(
         with _named({}):
             whole = changed(study, texts) if isinstance(study, Study) else load(study, texts)
             return _warned(execution.run(whole, **options))
-    with _written(study, Arguments("run", OF_STUDY)) as (data, names, files):
+    with _written(study, Arguments("run", {"": "study"})) as (data, names, files):
         if files and scheduler is not None:
             message = "run: argument scheduler: its workers do not have the heights in memory; store them in a file"
             raise CampaignError(message)
@@ -308,15 +307,11 @@ def _named(files: Mapping[Path, str]) -> Iterator[None]:
     try:
         yield
     except RoughvolError as raised:
-        error: BaseException | None = raised
-        seen: list[BaseException] = []
-        while error is not None and error not in seen:
-            seen.append(error)
+        for error in machine.with_causes(raised):
             error.args = tuple(_text(part, files) if isinstance(part, str) else part for part in error.args)
             if isinstance(error, StudyError):
                 error.problems = tuple(_named_problem(one, files) for one in error.problems)
                 error.args = ("\n".join(map(str, error.problems)),)
-            error = error.__cause__ or error.__context__
         raise
 
 

@@ -24,7 +24,7 @@ from roughvol.ensemble.design import Design
 from roughvol.ensemble.prediction import Expected, Prediction
 from roughvol.ensemble.step_error import StepErrors
 from roughvol.observables.variables import DTYPES, VARIABLES
-from roughvol.store import dataset, sample_plan
+from roughvol.store import dataset, sample_plan, small_file
 from roughvol.store.dataset import Arrays, Dataset
 from roughvol.study import Case, Study
 
@@ -116,8 +116,7 @@ def _with_answer(results: Dataset, design: Design) -> Dataset:
     for name, (dims, array) in answer.variables(design).items():
         row = VARIABLES[name]
         results[name] = (dims, np.asarray(array, dtype=DTYPES[row.kind]))
-        units = row.units.replace("length", results.attrs.get("length_unit", "length"))
-        results[name].attrs = {"units": units, "long_name": row.long_name, "symbol": row.symbol}
+        results[name].attrs = small_file.words_of(row, results.attrs.get("length_unit", "length"))
     return results.assign_attrs(answer="\n".join(answer.sentences(design)))
 
 
@@ -145,4 +144,4 @@ def step_errors(study: Study, stopping: Callable[[], bool] = lambda: False) -> S
 def expected(study: Study) -> list[Expected]:
     """Return the expected samples and costs of an ensemble by D."""
     prediction = Prediction(study)
-    return prediction.expected(in_memory(prediction.cases), surfaces_alone(prediction.surfaces))
+    return prediction.expected(in_memory(prediction.request.cases), surfaces_alone(prediction.request.surfaces))

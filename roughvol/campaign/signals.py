@@ -11,9 +11,7 @@ import signal
 from collections.abc import Callable, Iterator
 from types import FrameType
 
-ENDS = tuple(
-    getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)
-)  # one is absent on Windows
+ENDS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))  # Windows has no SIGHUP
 ALL = (signal.SIGINT, *ENDS)
 
 Handler = Callable[[int, FrameType | None], None]
@@ -71,16 +69,13 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 @contextlib.contextmanager
 def _handled(numbers: tuple[int, ...], handler: Handler) -> Iterator[None]:
     """Handle signals that are not ignored; outside the main thread, where none arrives, do nothing."""
-    before = {number: signal.getsignal(number) for number in numbers}
+    before = {}
     try:
-        for number in numbers:
-            if number == signal.SIGINT or before[number] is not signal.SIG_IGN:
-                signal.signal(number, handler)
-    except ValueError:
-        yield
-        return
-    try:
+        with contextlib.suppress(ValueError):
+            for number in numbers:
+                if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
+                    before[number] = signal.signal(number, handler)
         yield
     finally:
-        for number in numbers:
-            signal.signal(number, before[number])
+        for number, earlier in before.items():
+            signal.signal(number, earlier)

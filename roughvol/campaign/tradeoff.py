@@ -20,6 +20,7 @@ its time, at least one half.
 from __future__ import annotations
 
 import time
+import timeit
 import tracemalloc
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -36,7 +37,8 @@ from roughvol.contact.loading import sweep
 from roughvol.contact.options import Options
 from roughvol.errors import ContactError
 from roughvol.gap import box_counting, free_volume
-from roughvol.store import provenance
+from roughvol.observables.variables import DTYPES
+from roughvol.store import provenance, small_file
 from roughvol.store.dataset import Dataset
 from roughvol.store.tradeoff_variables import EACH, QUANTITIES, RUNG, RUNG_VARIABLES, TABLE
 from roughvol.study import Case, Study
@@ -113,9 +115,8 @@ def rungs_of(case: Case) -> list[Rung]:
     if case.m is not None:
         least = min(case.m, PAPER_M)
         few = max(k for k in fewer if k <= max(6, min(fewer)))
-        rungs += [
-            replace(base, ladder="method", m=least, steps=few, method=how, rtol=1e-6) for how in ("fast", "paper")
-        ]
+        small = replace(base, ladder="method", m=least, steps=few, rtol=1e-6)
+        rungs += [replace(small, method=how) for how in ("fast", "paper")]
         rungs += [replace(base, ladder="resolution", m=k) for k in range(max(1, case.m - LEVELS + 1), case.m + 1)]
     return rungs
 
@@ -136,8 +137,7 @@ def measure(study: Study, on_rung: Callable[[int, int], None] | None = None) -> 
                     on_rung(column * len(rungs) + row + 1, len(cases) * len(rungs))
     coords: dict[str, Any] = {"surface": ("surface", np.array([case.label for case in cases], dtype=object))}
     for name, variable in RUNG_VARIABLES.items():
-        kind = {"text": object, "index": np.int64}.get(variable.kind, np.float64)
-        coords[name] = (RUNG, np.array([getattr(rung, name) for rung in rungs], dtype=kind))
+        coords[name] = (RUNG, np.array([getattr(rung, name) for rung in rungs], dtype=DTYPES[variable.kind]))
     coords["D"] = ("surface", np.array([np.nan if case.D is None else case.D for case in cases]))
     result = Dataset(
         {name: (EACH.split(), array) for name, array in values.items()},
@@ -145,7 +145,7 @@ def measure(study: Study, on_rung: Callable[[int, int], None] | None = None) -> 
         attrs=provenance.provenance(study.stored(), fft=FFT, cases=cases, ids=[case.id for case in cases]),
     )
     for name, variable in TABLE.items():
-        result[name].attrs = {"units": variable.units, "long_name": variable.long_name, "symbol": variable.symbol}
+        result[name].attrs = small_file.words_of(variable, "length")
     result["D"].attrs = {"units": "1", "long_name": "fractal dimension of the surface", "symbol": "D"}
     return result
 
@@ -231,26 +231,23 @@ def _dimension_error(run: _Run, reference: _Run) -> float:
     """Return the largest difference of the local dimensions at equal box lengths; the largest boxes have length L."""
     worst = 0.0
     for share in THRESHOLDS:
-        one, other = (
-            box_counting.local_dimension(
-                box_counting.box_counts(free_volume.domain(each.gap, share * float(each.gap.max()), each.contact))
-            ).dimension[::-1]
-            for each in (run, reference)
-        )
+        one, other = _local_dimensions(run, share), _local_dimensions(reference, share)
         common = min(one.size, other.size)
         worst = max(worst, float(np.abs(one[:common] - other[:common]).max(initial=0.0)))
     return worst
 
 
+def _local_dimensions(run: _Run, share: float) -> Array:
+    """Return the local dimensions of the domain D(v ≤ ``share`` v_max), from the largest boxes on."""
+    domain = free_volume.domain(run.gap, share * float(run.gap.max()), run.contact)
+    return box_counting.local_dimension(box_counting.box_counts(domain)).dimension[::-1]
+
+
 def _seconds(half_space: HalfSpace, single: bool) -> float:
     elements = np.arange(0, half_space.shape[0] * half_space.shape[1], 7)
     pressure = np.ones(elements.size, dtype=np.float32 if single else np.float64)
-    times = []
-    for _ in range(6):  # the first one makes the plans
-        started = time.perf_counter()
-        half_space.displacement_at(elements, pressure, single=single)
-        times.append(time.perf_counter() - started)
-    return min(times)
+    # the first makes the plans
+    return min(timeit.repeat(lambda: half_space.displacement_at(elements, pressure, single=single), number=1, repeat=6))
 
 
 def _peak(surface: Surface, end: float, rung: Rung) -> float:

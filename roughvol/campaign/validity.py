@@ -90,7 +90,7 @@ class Setting:
     hardness: float | None = None  # in `unit`
     hardness_text: str = ""
     yields: bool = False  # pressures end at the hardness
-    drop_text: str | None = None  # pressure drop of a leak rate
+    drop_text: str = ""  # pressure drop of a leak rate
     drop: float = math.nan  # over E*; NaN for a modulus without a unit
     fluid: float = math.nan  # largest mean pressure of a fluid over the ambient, over E*; NaN without one
     fluid_text: str = ""  # its inlet and outlet
@@ -105,13 +105,7 @@ def setting(study: Study) -> Setting:
     """Return the settings of a study for comparison with the limits."""
     surface, material, record = study.surface, study.material, study.record
     wanted, unit = record.dimensional, material.unit
-    leak = wanted.leak_rate if wanted is not None else None
-    drops = [] if leak is None else [(in_unit(leak.pressure_drop, "Pa"), str(leak.pressure_drop))]
-    if (fluid := study.fluid) is not None:
-        drops.append((fluid.pressures[0] - fluid.pressures[1], f"{fluid.inlet} - {fluid.outlet}"))
-    pascal, drop_text = max(drops, default=(None, None))
-    mean, sides = _mean_fluid(study)
-    drop = convert(pascal, "Pa", unit) if pascal is not None and unit is not None else None
+    (drop, drop_text), (mean, sides) = _fluids(study)
     scaled = not isinstance(surface, MadeSurface) or bool(surface.Sq or surface.length_unit)
     scaled = scaled or (isinstance(surface, SpectralSurface) and surface.slope is not None)
     asks = record.transport is not None or wanted is not None or unit is not None
@@ -124,7 +118,7 @@ def setting(study: Study) -> Setting:
         hardness_text=_written(material.hardness, unit),
         yields=material.yields,
         drop_text=drop_text,
-        drop=math.nan if drop is None else drop / material.contact_modulus,
+        drop=math.nan if unit is None else convert(drop, "Pa", unit) / material.contact_modulus,
         fluid=math.nan if unit is None else convert(mean, "Pa", unit) / material.contact_modulus,
         fluid_text=sides,
         lifted=record.fluid_pressure is not None,
@@ -135,20 +129,25 @@ def setting(study: Study) -> Setting:
     )
 
 
-def _mean_fluid(study: Study) -> tuple[float, str]:
-    """Return the largest mean of inlet and outlet of the fluids over the ambient [Pa], else NaN, and both in words."""
-    record, means = study.record, list[tuple[float, str]]()
-    if record.dimensional is not None and (leak := record.dimensional.leak_rate) is not None:
-        drop = in_unit(leak.pressure_drop, "Pa") or 0.0
+def _fluids(study: Study) -> tuple[tuple[float, str], tuple[float, str]]:
+    """Return the largest pressure drop of the fluids, and their largest mean pressure over the ambient, in Pa.
+
+    Both have their words. Without a fluid they are NaN.
+    """
+    wanted, lift = study.record.dimensional, study.record.fluid_pressure
+    drops, means = list[tuple[float, str]](), list[tuple[float, str]]()
+    if wanted is not None and (leak := wanted.leak_rate) is not None:
+        drop = in_unit(leak.pressure_drop, "Pa")
+        drops.append((drop, str(leak.pressure_drop)))
         means.append((0.5 * drop, f"inlet {leak.pressure_drop} over the outlet at the ambient"))
-    if study.fluid is not None:
-        sides = f"inlet {study.fluid.inlet}, outlet {study.fluid.outlet}, absolute"
-        means.append((0.5 * sum(study.fluid.pressures) - ATMOSPHERE, sides))
-    lift = record.fluid_pressure
+    if (fluid := study.fluid) is not None:
+        inlet, outlet = fluid.pressures
+        drops.append((inlet - outlet, f"{fluid.inlet} - {fluid.outlet}"))
+        means.append((0.5 * (inlet + outlet) - ATMOSPHERE, f"inlet {fluid.inlet}, outlet {fluid.outlet}, absolute"))
     if lift is not None and unit_of(lift.inlet) is not None:
-        mean = 0.5 * sum(in_unit(value, "Pa") or 0.0 for value in (lift.inlet, lift.outlet))
+        mean = 0.5 * (in_unit(lift.inlet, "Pa") + in_unit(lift.outlet, "Pa"))
         means.append((mean, f"inlet {lift.inlet}, outlet {lift.outlet}"))
-    return max(means, default=(math.nan, ""))
+    return max(drops, default=(math.nan, "")), max(means, default=(math.nan, ""))
 
 
 def _written(hardness: float | None, unit: str | None) -> str:
@@ -317,15 +316,14 @@ def _of_surfaces(given: Setting, states: _States) -> Iterator[Finding]:
     slopes = states.slopes[np.isfinite(states.slopes)]
     if given.scaled and (steep := int(np.sum(slopes > LIMITS["slope"].value))):
         surfaces = f" on {steep} of {slopes.size} surfaces" if slopes.size > 1 else ""
-        words = {"highest": f"{slopes.max():.2g}", "surfaces": surfaces}
-        yield _finding("slope", words, Extent(steep, slopes.size))
+        yield _finding("slope", {"highest": f"{slopes.max():.2g}", "surfaces": surfaces}, Extent(steep, slopes.size))
     contact = states.in_contact if given.scaled else math.nan
     if given.unit is not None and given.hardness is None and not contact < LIMITS["metal"].value:
         modulus = convert(given.modulus, given.unit, "GPa")
         if modulus >= STIFF:
             mean = f" (mean in contact: {'about ' * states.expected}{_pressure(given, contact, 'GPa')})"
             yield _finding("metal", {"modulus": f"{modulus:.3g}", "reached": "" if math.isnan(contact) else mean})
-    if given.drop_text is not None and math.isnan(given.drop) and (states.expected or states.flow.any()):
+    if given.drop_text and math.isnan(given.drop) and (states.expected or states.flow.any()):
         text = "cannot be compared with the contact pressure: the modulus has no unit"
         yield Finding("pressure_drop", f"pressure_drop {given.drop_text} {text}")
     ratios = states.central[np.isfinite(states.central)]
@@ -349,13 +347,10 @@ def _of_states(given: Setting, states: _States) -> Iterator[Finding]:
             "fluid": (given.fluid / np.where(states.starred > UNLOADED, nominal, math.nan), flow),
             "pressure_drop": (given.drop / nominal, flow),
         }
-    words = {"contact": _percent(states.highest(contact)), "load": _percent(states.highest(load))}
+    words = {name: f"{100.0 * states.highest(each):.3g} %" for name, each in (("contact", contact), ("load", load))}
     words |= {"hardness": given.hardness_text, "fluid": _pressure(given, given.fluid), "sides": given.fluid_text}
     remedy = "the leak at the states of record.fluid_pressure has it, the dry leak along the steps has not"
-    words |= {
-        "drop": str(given.drop_text),
-        "remedy": remedy if given.lifted else "record.fluid_pressure computes it",
-    }
+    words |= {"drop": given.drop_text, "remedy": remedy if given.lifted else "record.fluid_pressure computes it"}
     for key, (number, among) in numbers.items():
         beyond = (number >= LIMITS[key].value) & among
         if not beyond.any():
@@ -386,7 +381,3 @@ def _pressure(given: Setting, over_modulus: float, unit: str | None = None) -> s
         return f"{over_modulus:.3g} E*"
     unit = unit or given.shown
     return f"{convert(over_modulus * given.modulus, given.unit, unit):.3g} {unit}"
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.3g} %"

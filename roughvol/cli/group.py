@@ -165,19 +165,12 @@ def _message(error: errors.RoughvolError) -> str:
 
 def _of_system(error: BaseException) -> str:
     """Return an error of the system that a user can cure, as a full disk, in words; empty for others."""
-    texts = {getattr(one, "errno", None): str(one) for one in _chain(error)}
+    texts = {getattr(one, "errno", None): str(one) for one in machine.with_causes(error)}
     if errno.EMFILE in texts or errno.ENFILE in texts or any(TOO_MANY_FILES in text for text in texts.values()):
         return "too many open files; allow more of them: ulimit -n 256"
     if not isinstance(error, OSError) or error.errno not in CURABLE:
         return ""
     return f"{error.filename}: {error.strerror}" if error.filename else str(error.strerror)
-
-
-def _chain(error: BaseException | None) -> Iterator[BaseException]:
-    """Yield an error and its causes."""
-    while error is not None:
-        yield error
-        error = error.__cause__ or error.__context__
 
 
 @click.group(

@@ -16,8 +16,6 @@ from roughvol.ensemble.targets import PERCOLATION
 from roughvol.observables.variables import DTYPES, MISSING, VARIABLES
 from roughvol.study.values.durations import duration
 
-BOUNDS = ("lower", "upper")
-
 Values = dict[str, tuple[tuple[str, ...], Any]]
 
 
@@ -28,7 +26,12 @@ def variables(design: Design) -> Values:
     states = list(dict.fromkeys(target.state.label for target in table.targets))
     rounds = max(len(history) for history in design.rounds.values())
     sizes = {"D": len(dimensions), "m": len(table.levels), "ensemble_at": len(states), "bound": 2, "round": rounds}
-    values = _coordinates(states, rounds) | _costs(design, dimensions, rounds)
+    values: Values = {
+        "ensemble_at": (("ensemble_at",), np.array(states, dtype=object)),
+        "bound": (("bound",), np.array(["lower", "upper"], dtype=object)),
+        "round": (("round",), np.arange(rounds)),
+    }
+    values |= _costs(design, dimensions, rounds)
     for row, D in enumerate(dimensions):
         for number, estimate in enumerate(design.estimates[D]):
             column = states.index(estimate.target.state.label)
@@ -42,14 +45,6 @@ def variables(design: Design) -> Values:
                 index = tuple({"D": row, "ensemble_at": column}.get(dim, slice(None)) for dim in dims)
                 values[name][1][index] = value
     return values
-
-
-def _coordinates(states: Sequence[str], rounds: int) -> Values:
-    return {
-        "ensemble_at": (("ensemble_at",), np.array(states, dtype=object)),
-        "bound": (("bound",), np.array(BOUNDS, dtype=object)),
-        "round": (("round",), np.arange(rounds)),
-    }
 
 
 def _costs(design: Design, dimensions: Sequence[float], rounds: int) -> Values:

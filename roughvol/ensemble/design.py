@@ -16,17 +16,16 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from roughvol.ensemble.allocation import weights
 from roughvol.ensemble.estimate import RELIABLE, MeanEstimate, estimates_of
-from roughvol.ensemble.samples import Counts, SampleTable
+from roughvol.ensemble.samples import Counts, Request, SampleTable
 from roughvol.ensemble.step_error import StepErrors
 from roughvol.ensemble.targets import Arrays
 from roughvol.errors import CampaignError, Problem, StudyError
-from roughvol.study import Case, MadeSurface, Study
+from roughvol.study import MadeSurface, Study
 from roughvol.study.sections.ensemble import AUTO_TO
 from roughvol.study.sections.surface import SpectralSurface, first_finest, holds_all_waves
 
@@ -43,14 +42,6 @@ MORE = 1.25  # growth of one level where the plan adds none
 BIAS_SHARE = 0.5  # largest bias with `m: auto` or `n: auto`, as a share of the accuracy
 
 Estimates = dict[float, list[MeanEstimate]]  # by D
-
-
-@dataclass(frozen=True)
-class Request:
-    """The samples of a round: cases to compute, and cases of which the surface alone is made."""
-
-    cases: list[Case]
-    surfaces: list[Case]
 
 
 class Design:
@@ -89,20 +80,16 @@ class Design:
 
     def add(self, arrays: Mapping[str, Arrays], numbers: Iterable[tuple[float, ...]]) -> None:
         """Add the stored arrays of the requested cases by id, and `samples.numbers_of` the requested surfaces."""
-        for case, row in zip(self._request.surfaces, numbers, strict=True):
-            self.table.add_surface(case, row)
-        with self.table.study.placing():
-            for case in self._request.cases:
-                self.table.add(case, arrays[case.id])
+        self.table.add_all(self._request, arrays, numbers)
         self.estimates = {D: estimates_of(self.table, D, self.steps.errors) for D in self.table.dimensions}
         for D, estimates in self.estimates.items():
-            half_widths = tuple(estimate.mean.half_width for estimate in estimates)
-            self.rounds[D].append((self.table.cost(D), half_widths))
+            self.rounds[D].append((self.table.cost(D), tuple(estimate.mean.half_width for estimate in estimates)))
 
     @property
     def goal(self) -> Counts:
         """Number of samples by D and m that the last estimates require in the end. Few samples make it uncertain."""
-        return {D: goal(row, self.counts[D]) for D, row in self.estimates.items()}
+        counts = {D: _goal(row, list(self.counts[D].values())) for D, row in self.estimates.items()}
+        return {D: dict(zip(self.counts[D], numbers, strict=True)) for D, numbers in counts.items()}
 
     def _alone(self, D: float) -> int:
         """Return the number of surfaces without a solve of a round: one a seed, and those that the estimates plan."""
@@ -193,11 +180,6 @@ def next_counts(estimates: Sequence[MeanEstimate], levels: Sequence[int], existi
     for finer, coarser in itertools.pairwise(used):  # nested: a used coarser level has all seeds of a finer one
         counts[coarser] = max(counts[coarser], counts[finer])
     return dict(zip(levels, counts, strict=True))
-
-
-def goal(estimates: Sequence[MeanEstimate], planned: Mapping[int, int]) -> dict[int, int]:
-    """Return the samples of each m that the estimates require in the end, for the time left."""
-    return dict(zip(planned, _goal(estimates, list(planned.values())), strict=True))
 
 
 def _goal(estimates: Sequence[MeanEstimate], existing: Sequence[int]) -> list[int]:

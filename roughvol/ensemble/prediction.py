@@ -17,7 +17,7 @@ from roughvol.ensemble import allocation, cost, multilevel
 from roughvol.ensemble.design import pilot
 from roughvol.ensemble.estimate import STOPPING
 from roughvol.ensemble.multilevel import Link
-from roughvol.ensemble.samples import SampleTable
+from roughvol.ensemble.samples import Request, SampleTable
 from roughvol.ensemble.targets import SMALLEST, Arrays
 from roughvol.study import MadeSurface, Study, levels_below
 from roughvol.study.sections.surface import first_finest
@@ -52,16 +52,13 @@ class Prediction:
         assert isinstance(study.surface, MadeSurface)
         self._levels = levels_below(first_finest(study.surface))
         self._table = SampleTable(study, min(self._levels[-1], max(FINEST, self._levels[0])))
-        self.surfaces = [case for D in self._table.dimensions for case in self._table.missing_surfaces(D, SURFACES)]
-        self.cases = self._table.missing({D: dict.fromkeys(self._table.levels, SEEDS) for D in self._table.dimensions})
+        dimensions, counts = self._table.dimensions, dict.fromkeys(self._table.levels, SEEDS)
+        surfaces = [case for D in dimensions for case in self._table.missing_surfaces(D, SURFACES)]
+        self.request = Request(self._table.missing(dict.fromkeys(dimensions, counts)), surfaces)
 
     def expected(self, arrays: Mapping[str, Arrays], numbers: Sequence[tuple[float, ...]]) -> list[Expected]:
         """Return the expected samples and costs by D; with ``m: auto`` or ``n: auto``, of the first resolution."""
-        for case, row in zip(self.surfaces, numbers, strict=True):
-            self._table.add_surface(case, row)
-        with self._table.study.placing():
-            for case in self.cases:
-                self._table.add(case, arrays[case.id])
+        self._table.add_all(self.request, arrays, numbers)
         return [self._of_dimension(D) for D in self._table.dimensions]
 
     def _of_dimension(self, D: float) -> Expected:
@@ -88,8 +85,7 @@ class Prediction:
             plain = max(plain, allocation.plain_cost(variance, costs[-1], half_width))
         surfaces = max(surfaces, *counts)
         together = sum(number * each for number, each in zip(counts, costs, strict=True)) + surfaces * cost.SURFACE
-        samples = dict(zip(levels, counts, strict=True))
-        return Expected(D, samples, surfaces, together, plain, table.study.sweep.steps)
+        return Expected(D, dict(zip(levels, counts, strict=True)), surfaces, together, plain, table.study.sweep.steps)
 
 
 def _links(values: Sequence[Array], alone: Array, D: float, first: Sequence[int]) -> Links:

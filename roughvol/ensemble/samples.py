@@ -6,6 +6,7 @@ machine. Measured times vary with the load of a machine, and so would the number
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -28,6 +29,14 @@ class Sample:
     values: Array
     solver_errors: Array
     cost: float
+
+
+@dataclass(frozen=True)
+class Request:
+    """The samples of a round: cases to compute, and cases of which the surface alone is made."""
+
+    cases: list[Case]
+    surfaces: list[Case]
 
 
 @dataclass
@@ -100,10 +109,14 @@ class SampleTable:
         m, first = min(cost.SURFACE_M, self.finest), self.ensemble.first_seed
         return [self.study.sample(D, m, first + seed) for seed in range(len(self.surfaces.get(D, ())), number)]
 
-    def add_surface(self, case: Case, numbers: tuple[float, ...]) -> None:
-        """Add `numbers_of` a surface without a solve, in the order of the seeds."""
-        assert case.D is not None
-        self.surfaces.setdefault(case.D, []).append(numbers)
+    def add_all(self, request: Request, arrays: Mapping[str, Arrays], numbers: Iterable[tuple[float, ...]]) -> None:
+        """Add the stored arrays of the requested cases by id, and `numbers_of` the requested surfaces."""
+        for case, row in zip(request.surfaces, numbers, strict=True):
+            assert case.D is not None
+            self.surfaces.setdefault(case.D, []).append(row)
+        with self.study.placing():
+            for case in request.cases:
+                self.add(case, arrays[case.id])
 
     def add(self, case: Case, arrays: Arrays) -> None:
         """Add the sample of a finished case; cases come in the order of their seeds."""

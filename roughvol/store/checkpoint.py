@@ -59,8 +59,7 @@ def numerics() -> str:
 
     Only equal ones continue a sweep. The version of roughvol counts, unlike in a finished case.
     """
-    names = ("numpy", "scipy", "pyfftw")
-    versions = [f"{name} {importlib.metadata.version(name)}" for name in names]
+    versions = [f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "scipy", "pyfftw")]
     return ", ".join([f"roughvol {__version__}", *versions, platform.machine(), *_vector_units()])
 
 
@@ -70,10 +69,8 @@ def _vector_units() -> list[str]:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
         return [platform.processor()]
-    flags = next(
-        (line.split(":", 1)[1].split() for line in lines if line.lower().startswith(("flags", "features"))), []
-    )
-    return sorted(flag for flag in flags if flag.startswith(("sse", "avx", "fma", "asimd", "sve", "amx")))
+    flags = next((line.partition(":")[2] for line in lines if line.lower().startswith(("flags", "features"))), "")
+    return sorted(flag for flag in flags.split() if flag.startswith(("sse", "avx", "fma", "asimd", "sve", "amx")))
 
 
 def packed(state: State) -> bytes:

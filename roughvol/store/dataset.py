@@ -161,9 +161,8 @@ def _with_axis(dataset: Dataset) -> Dataset:
             behind = row.dims.partition(" axis")[2].split()
             before = [dim for dim in pair[0].dims if dim not in behind]
             joined = xr.concat(pair, labels).transpose(*before, "axis", *behind)
-            words = {"symbol": row.symbol, "long_name": row.long_name}
-            own = {name: joined.assign_attrs(pair[0].attrs | words)}
-            dataset = dataset.assign(own).drop_vars([one.name for one in pair])
+            joined = joined.assign_attrs(pair[0].attrs | {"symbol": row.symbol, "long_name": row.long_name})
+            dataset = dataset.assign({name: joined}).drop_vars([one.name for one in pair])
     return dataset
 
 
@@ -241,10 +240,8 @@ def _check_stamp(attributes: Mapping[str, str], labels: stamped_file.Labels, pat
         raise DatasetError(f"{path} is damaged: it has no description of its case") from error
     for name in ("case", "key", "study", "format_of_answers"):
         if name in labels and name in own and labels[name] != own[name]:
-            message = (
-                f"{path} has the stamp of another dataset: {name} is {labels[name]!r}, in its content {own[name]!r}"
-            )
-            raise DatasetError(message)
+            difference = f"{name} is {labels[name]!r}, in its content {own[name]!r}"
+            raise DatasetError(f"{path} has the stamp of another dataset: {difference}")
 
 
 def answers(dataset: Dataset) -> Dataset:
@@ -276,8 +273,7 @@ def _described(dataset: Dataset) -> Dataset:
     """Give every variable the units, name and symbol of the table."""
     unit = dataset.attrs.get("length_unit", "length")
     for name, variable in dataset.variables.items():
-        row = VARIABLES[str(name)]
-        variable.attrs = {"units": row.units.replace("length", unit), "long_name": row.long_name, "symbol": row.symbol}
+        variable.attrs = small_file.words_of(VARIABLES[str(name)], unit)
     return dataset.set_coords([str(name) for name in dataset.variables if name in COORDS or _is_dim(str(name))])
 
 

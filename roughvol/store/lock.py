@@ -91,8 +91,11 @@ def holder(folder: Path) -> Holder | None:
 def _acquire(path: Path) -> int:
     """Return the handle of the lock file, locked and signed."""
     for attempt in range(ATTEMPTS):
+        if attempt:
+            time.sleep(PAUSE)
         handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-        try:
+        with contextlib.ExitStack() as unless_taken:
+            unless_taken.callback(os.close, handle)
             named = _named(handle)
             if _take(handle, named) and _same_file(handle, path):
                 if named is not None and named.host != platform.node():
@@ -103,13 +106,8 @@ def _acquire(path: Path) -> int:
                 os.ftruncate(handle, 0)
                 os.pwrite(handle, json.dumps(vars(own)).encode(), 0)
                 os.fsync(handle)
+                unless_taken.pop_all()
                 return handle
-        except BaseException:
-            os.close(handle)
-            raise
-        os.close(handle)
-        if attempt < ATTEMPTS - 1:
-            time.sleep(PAUSE)
     message = (
         f"{path.parent} is in use by {named or 'a process that is just starting'}; "
         "wait for it, end it, or give another --out"
@@ -122,12 +120,11 @@ def _take(handle: int, named: Holder | None, *, shared: bool = False) -> bool:
     if fcntl:
         try:
             fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+            return True
         except BlockingIOError:
             return False
         except OSError:  # a file system without locks
             pass
-        else:
-            return True
     if named is None or named.host != platform.node():
         return True
     return not (stamped_file.alive(named.pid) and (not named.birth or _birth(named.pid) == named.birth))

@@ -290,10 +290,11 @@ def _of_another_study(file: Path, results: Dataset, stored: str, given: Study) -
     if lines := _changes(file, stored, given.stored()):
         return lines
     cases = sample_plan.cases_of(given, file.parent)
+    then = {(body["file"], body["sha256"]) for body in json.loads(results.attrs.get("height_files", "[]"))}
     now = {(body.file.name, body.sha256) for case in cases.values() for body in case.bodies}
     lines = [
         f"surface.file: the content of {name} has changed (sha256 {old[:8]} → {new[:8]})"
-        for name, old in sorted(_height_files(results) - now)
+        for name, old in sorted(then - now)
         for new in [min((digest for other, digest in now if other == name), default="absent")]
     ]
     return lines or _of_other_cases(results, cases)
@@ -324,11 +325,6 @@ def _of_other_cases(results: Dataset, ids: Collection[str]) -> list[str]:
     if not held or not ids or not set(held).isdisjoint(ids):
         return []
     return [f"cases: {held[0]} → {min(ids)}, of other heights or of a version with other answers"]
-
-
-def _height_files(results: Dataset) -> set[tuple[str, str]]:
-    """Return name and sha256 of the height files of results."""
-    return {(body["file"], body["sha256"]) for body in json.loads(results.attrs.get("height_files", "[]"))}
 
 
 def _indented(lines: Sequence[str]) -> str:

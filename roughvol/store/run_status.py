@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from roughvol.errors import DatasetError, StudyError
+from roughvol.errors import DatasetError, FolderError, StudyError
 from roughvol.store import lock, run_folder, same_study, sample_plan
 from roughvol.store.lock import Holder
 from roughvol.store.run_folder import case_file, folder_of
@@ -82,7 +82,8 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
     study = study if isinstance(study, Study) else load(study)
     folder = folder_of(study, out)
     cases = sample_plan.cases_of(study, folder)
-    same_study.check_same_study(folder, study, cases)
+    if another := same_study.another_study(folder, study, cases):
+        raise FolderError(another)
     holder = lock.holder(folder)
     noted, left = _progress(folder) if holder else ((), None)
     stored, failures = run_folder.stored_ids(folder), run_folder.failures(folder, cases)
@@ -92,15 +93,15 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
     versions: Counter[str] = Counter()
     for id, case in cases.items():
         file = run_folder.examined(case_file(folder, id), case, quick=True) if id in stored else None
+        if file is not None and file.outdated:
+            outdated[id] = str(file.fault)
+            file = None
         if file is not None and file.fault is None:
             done.append(id)
             versions[file.version] += 1
+        elif id in noted or id in failures:
             continue
-        if file is not None and file.outdated:
-            outdated[id] = str(file.fault)
-        if id in noted or id in failures:
-            continue
-        if file is None or file.outdated:
+        elif file is None:
             missing.append(id)
         else:
             damaged[id] = str(file.fault)
@@ -137,8 +138,7 @@ def listed(folder: str | Path) -> list[Listed]:
     folder = Path(folder)
     if not folder.is_dir():
         raise DatasetError(f"no folder {folder}: roughvol run STUDY makes runs/NAME")
-    found = [_listed(path.parent) for path in folder.glob("*/study.yaml")]
-    return sorted(found, key=lambda run: run.age)
+    return sorted([_listed(path.parent) for path in folder.glob("*/study.yaml")], key=lambda run: run.age)
 
 
 def _listed(folder: Path) -> Listed:

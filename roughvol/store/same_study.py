@@ -7,19 +7,12 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from roughvol.errors import DatasetError, FolderError, StudyError
+from roughvol.errors import DatasetError, StudyError
 from roughvol.store.run_folder import case_file, outdated, stored_study, strangers
 from roughvol.study import Case, HeightFile, Study, loads
 
 AXES = ("surface.D", "surface.H", "surface.m", "surface.n", "surface.seeds")
 WORDS = ("name", "comment", "seal")  # keys and sections that change no stored number
-UNASKED = (*AXES, *WORDS)  # keys without a line of their own among the differences
-
-
-def check_same_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> None:
-    """Refuse a folder that holds another study, with every difference."""
-    if message := another_study(folder, study, cases):
-        raise FolderError(message)
 
 
 def another_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> str | None:
@@ -78,7 +71,7 @@ def differences(old: Study, new: Study) -> list[str]:
     stored, asked = _answers(_with_files_of(old, new)), _answers(new)
     if stored == asked if not (old.axes or new.axes) else any(one in asked for one in stored):
         return [] if shared else lines
-    lines += _changed(before, after, [name for name in (*before, *after) if name.startswith("record.")] + [*UNASKED])
+    lines += _changed(before, after, ("record", *AXES, *WORDS))
     return lines or ["the surface: its file has changed"]
 
 
@@ -106,9 +99,8 @@ def _with_files_of(old: Study, new: Study) -> Study:
     against = surface.against
     if against is not None and given.against is not None:
         against = against.model_copy(update={"file": given.against.file})
-    return old.model_copy(
-        update={"surface": surface.model_copy(update={"file": given.file, "files": given.files, "against": against})}
-    )
+    surface = surface.model_copy(update={"file": given.file, "files": given.files, "against": against})
+    return old.model_copy(update={"surface": surface})
 
 
 def _answers(study: Study) -> list[dict[str, Any]]:

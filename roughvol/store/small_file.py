@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from roughvol.errors import DatasetError
-from roughvol.observables.variables import DTYPES, VARIABLES
+from roughvol.observables.variables import DTYPES, VARIABLES, Variable
 from roughvol.study import Case
 
 Array = tuple[tuple[str, ...], NDArray[Any]]  # dimensions and values
@@ -88,9 +88,12 @@ def content(arrays: Arrays, coordinates: Collection[str], attributes: Mapping[st
 
 @functools.cache
 def _described(name: str, unit: str) -> dict[str, bytes]:
-    row = VARIABLES[name]
-    words = {"units": row.units.replace("length", unit), "long_name": row.long_name, "symbol": row.symbol}
-    return {key: text.encode() for key, text in words.items()}
+    return {key: text.encode() for key, text in words_of(VARIABLES[name], unit).items()}
+
+
+def words_of(row: Variable, unit: str) -> dict[str, str]:
+    """Return the attributes of a variable; ``unit`` is that of lengths."""
+    return {"units": row.units.replace("length", unit), "long_name": row.long_name, "symbol": row.symbol}
 
 
 def _encoded(kind: str, array: NDArray[Any], *, label: bool) -> tuple[tuple[str, ...], NDArray[Any], dict[str, Any]]:

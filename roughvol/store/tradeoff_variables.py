@@ -9,7 +9,6 @@ from roughvol.observables.variables import Variable, variables
 
 QUANTITIES = {"contact_area_fraction": "A*", "mean_pressure": "p*", "free_volume": "V*"}
 RUNG, EACH = "rung", "rung surface"
-TABLE: dict[str, Variable] = variables(
-    tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["group"]
-)
+_GROUPS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["group"]
+TABLE: dict[str, Variable] = variables(_GROUPS)
 RUNG_VARIABLES = {name: row for name, row in TABLE.items() if row.dims == RUNG}

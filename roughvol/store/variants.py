@@ -65,37 +65,25 @@ def parts_of(results: Dataset) -> list[Part]:
         raise DatasetError(message) from error
     found = []
     warnings = str(results.attrs.get("warnings", "")).splitlines()
-    variants = study.variants
+    endings = {variant.words: f" ({variant.words})" for variant in study.variants}  # of warnings of a combination
     stored = {name: results[name].values.tolist() for name in held}
-    for variant in variants:
+    for variant in study.variants:
         labels = dict(variant.labels)
         if labels.keys() != set(held) or any(label not in stored[name] for name, label in labels.items()):
             continue
+        others = tuple(ending for words, ending in endings.items() if words != variant.words)
+        lines = [line.removesuffix(endings[variant.words]) for line in warnings if not line.endswith(others)]
         one = results.sel(labels).drop_vars(held)
-        own = [
-            line.removesuffix(f" ({variant.words})") for line in warnings if not _of_another(line, variant, variants)
-        ]
-        found.append(
-            Part(variant.words, labels, one.assign_attrs(study=variant.study.stored(), warnings="\n".join(own)))
-        )
+        one = one.assign_attrs(study=variant.study.stored(), warnings="\n".join(lines))
+        found.append(Part(variant.words, labels, one))
     return found
-
-
-def _of_another(line: str, variant: Variant[Study], variants: Sequence[Variant[Study]]) -> bool:
-    """Return whether a warning ends with the words of another combination."""
-    return any(line.endswith(f" ({other.words})") for other in variants if other.words != variant.words)
 
 
 def warnings_of(parts: Sequence[tuple[Variant[Study], Dataset]]) -> str:
     """Return the warnings of all combinations; those of some have their words behind them."""
-    lines = [str(part.attrs.get("warnings", "")).splitlines() for _, part in parts]
-    texts = list(dict.fromkeys(itertools.chain(*lines)))
+    lines = [(variant.words, str(part.attrs.get("warnings", "")).splitlines()) for variant, part in parts]
     found = []
-    for text in texts:
-        if all(text in own for own in lines):
-            found.append(text)
-        else:
-            found += [
-                f"{text} ({variant.words})" for (variant, _), own in zip(parts, lines, strict=True) if text in own
-            ]
+    for text in dict.fromkeys(itertools.chain(*(own for _, own in lines))):
+        having = [words for words, own in lines if text in own]
+        found += [text] if len(having) == len(lines) else [f"{text} ({words})" for words in having]
     return "\n".join(found)
