@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 from collections.abc import Callable, Mapping
@@ -101,8 +100,8 @@ def target_of(level: Level, case: Case, surface: Surface) -> Target:
     rate Q asked to be Q_0, finite for closed ways.
     """
     kind, value = level.kind, level.value or 0.0
-    if kind.startswith("percolation"):
-        return Target(functools.partial(_is_closed, kind, case), 1.0, elements=True, power=False)
+    if closed_way := end_of(case, level):
+        return Target(closed_way, 1.0, elements=True, power=False)
     if kind.startswith("leak_rate"):
         axes = kind.removeprefix("leak_rate").strip("_") or "xy"
 
@@ -119,10 +118,6 @@ def target_of(level: Level, case: Case, surface: Surface) -> Target:
         return Target(lambda contact: depth - float(contact.gap().mean()) + contact.plastic_volume, closed)
     stored, elements = TARGETS[kind], kind == "contact_area"
     return Target(lambda contact: float(getattr(within(contact, case), stored)), value, elements=elements)
-
-
-def _is_closed(kind: str, case: Case, contact: Contact) -> float:
-    return float(void.stops_percolating(kind, within(contact, case)))
 
 
 class Between(NamedTuple):

@@ -24,14 +24,7 @@ import numpy as np
 from roughvol.errors import SurfaceError
 from roughvol.surfaces import length_units
 from roughvol.surfaces.files import plain_text
-from roughvol.surfaces.files.description import (
-    Description,
-    HeightMap,
-    NotRead,
-    Request,
-    length_unit,
-    names_no_heights,
-)
+from roughvol.surfaces.files.description import Description, HeightMap, NotRead, Request, length_unit, names_no_heights
 from roughvol.typing import Array, Index
 
 INSIST = "surface.columns: heights takes all numbers as heights"
