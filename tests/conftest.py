@@ -45,6 +45,18 @@ def _in_processes_where_marked(request: pytest.FixtureRequest) -> Iterator[None]
         yield
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _rows_of_the_package() -> Iterator[None]:
+    """Take the rows of a user's functions out of the tables of quantities again: in another process are none."""
+    from roughvol.observables.variables import QUANTITIES, VARIABLES
+
+    before = [(table, table.copy()) for table in (QUANTITIES, VARIABLES)]
+    yield
+    for table, rows in before:
+        table.clear()
+        table.update(rows)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _read_once() -> Iterator[None]:
     """Read each text and each content of a file once in a session: commands read the same files over and over.

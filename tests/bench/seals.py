@@ -5,6 +5,7 @@
     python -m tests.bench.seals --roll-off
     python -m tests.bench.seals --known
     python -m tests.bench.seals --long
+    python -m tests.bench.seals --windows --joints 40 --kept runs/seals.jsonl
 
 A joint of 512² elements is the truth: the flow through one period along x or y. Three windows of 129² elements of it,
 levelled and mirrored at their sides, are the scans, pressed to the same nominal pressure. The seal is 4 × 4 patches.
@@ -69,12 +70,19 @@ def joint_of(kind: Kind, seed: int) -> tuple[Surface, list[Surface]]:
     joint = power_law_surface(spectrum, kind.H, NODES, seed=seed)
     rng = np.random.default_rng(seed)
     z = np.roll(joint.heights, rng.integers(NODES, size=2), axis=(0, 1))
-    scans = []
-    for place in rng.choice(9, SCANS, replace=False):
-        row, column = (170 * int(k) for k in divmod(place, 3))
-        cut = level(z[row : row + WINDOW, column : column + WINDOW], "tilt")
-        scans.append(Surface(cut, joint.spacing, sides="mirrored"))
-    return joint, scans
+    places = rng.choice(9, SCANS, replace=False)
+    return joint, [scan_of(cut_of(z, place), joint.spacing) for place in places]
+
+
+def cut_of(field: np.ndarray, place: int) -> np.ndarray:
+    """Return one of nine windows of a field."""
+    row, column = (170 * int(k) for k in divmod(place, 3))
+    return np.ascontiguousarray(field[row : row + WINDOW, column : column + WINDOW])
+
+
+def scan_of(heights: np.ndarray, spacing: float, levelling: str = "tilt") -> Surface:
+    """Return a window of a joint as a mirrored patch."""
+    return Surface(level(heights, levelling), spacing, sides="mirrored")
 
 
 def pressed(surface: Surface, half_space: HalfSpace, pressure: float, hardness: float | None) -> Contact:
@@ -226,6 +234,40 @@ def report(joints: list[dict[str, Any]]) -> None:
         print(line("all", some))
 
 
+def windows(rows: list[dict[str, Any]]) -> None:
+    """Print the leaks of the nine windows of isotropic joints over those of the joints.
+
+    Windows are patches of their own, at the nominal pressure of the joint, or parts of the gap of the pressed joint.
+    """
+    found: dict[tuple[str, int], list[np.ndarray]] = {}
+    spaces = HalfSpace((NODES, NODES), sides="periodic"), HalfSpace((WINDOW, WINDOW), sides="mirrored")
+    for row in rows:
+        kind = Kind(*row["kind"])
+        if kind.hardness is not None or kind.anisotropy != 1.0 or kind.rolloff < 16:
+            continue
+        joint, _ = joint_of(kind, row["seed"])
+        for load, (area, state) in enumerate(zip(LOADS, row["states"], strict=True)):
+            there = indentation_for(joint, spaces[0], "contact_area", area, rtol=RTOL)
+            whole = solve(joint, spaces[0], there, rtol=RTOL).gap()
+            for place in range(9):
+                leaks = {"part of the joint": flows(cut_of(whole, place), joint.Sq)}
+                for levelling in ("tilt", "mean"):
+                    scan = scan_of(cut_of(joint.heights, place), joint.spacing, levelling)
+                    gap = pressed(scan, spaces[1], state["pressure"], None).gap()
+                    for rim in (0, 8, 24) if levelling == "tilt" else (0,):
+                        inner = np.ascontiguousarray(gap[rim : WINDOW - rim, rim : WINDOW - rim])
+                        leaks[f"patch, levelled by {levelling}, without {rim} outer elements"] = flows(inner, scan.Sq)
+                for name, leak in leaks.items():
+                    found.setdefault((name, load), []).append(np.array(leak) / state["joint"])
+    for (name, load), ratios in found.items():
+        each = np.concatenate(ratios)
+        logs = np.log(each[each > 0.0])
+        words = (
+            f"median {np.median(each):.2f}, geometric mean {np.exp(logs.mean()):.2f}, scatter {np.exp(logs.std()):.1f}"
+        )
+        print(f"{name}, load {load + 1}: {words}, {np.count_nonzero(each == 0.0)} of {each.size} closed")
+
+
 def roll_offs(triples: int = 40) -> None:
     """Print how often three maps of 129² are found to have a roll-off."""
     for D in (2.1, 2.3, 2.5, 2.7, 2.9):
@@ -288,12 +330,13 @@ def main() -> None:
     parser.add_argument("--joints", type=int, default=0)
     parser.add_argument("--kept", type=Path, default=Path("runs/seals.jsonl"))
     parser.add_argument("--closings", action="store_true")
-    for name in ("roll-off", "known", "long"):
+    for name in ("roll-off", "known", "long", "windows"):
         parser.add_argument(f"--{name}", action="store_true")
     args = parser.parse_args()
     if args.joints:
         args.kept.parent.mkdir(parents=True, exist_ok=True)
-        report(kept(args.kept, args.joints, closings=args.closings))
+        rows = kept(args.kept, args.joints, closings=args.closings)
+        (windows if args.windows else report)(rows)
     for wanted, function in ((args.roll_off, roll_offs), (args.known, known), (args.long, long)):
         if wanted:
             function()
