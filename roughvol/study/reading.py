@@ -79,7 +79,7 @@ def load(path: str | Path, changes: Sequence[str] = ()) -> Study:
         with Path(path).open("rb") as stream:
             content = stream.read(MAX_BYTES + 1)
         if len(content) > MAX_BYTES:
-            message = TOO_LARGE
+            message = _holds_results(path) if Path(path).suffix in RESULTS else TOO_LARGE
         else:
             text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -491,10 +491,12 @@ def test_messages_print_whatever_the_file_holds() -> None:
 def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
     (tmp_path / "latin.yaml").write_bytes(b"# one\nname: m\xfcller\n")
     (tmp_path / "huge.yaml").write_bytes("é".encode() * (1 << 20))
+    (tmp_path / "huge.nc").write_bytes(b"CDF" * (1 << 20))
     (tmp_path / "null.yaml").write_bytes(bytes(10))
     said = {
         "latin.yaml": (2, "not text in UTF-8"),
         "huge.yaml": (None, "larger than 1024 KiB"),
+        "huge.nc": (None, "holds results and is no study file"),
         "null.yaml": (1, "not YAML"),
         "absent.yaml": (None, "cannot read the study: No such file"),
         "absent/study.yaml": (None, "cannot read the study: No such file"),
