@@ -1,7 +1,7 @@
 """What is asked: one YAML file in, a frozen `Study` and its `Case` list out.
 
-Room of the study. Its import alone loads no numpy. One `StudyError` has all problems of a file in its order, each with line,
-key, given value and allowed values.
+Room of the study. Its import alone loads no numpy. One `StudyError` has all problems of a file in its order, each with
+line, key, given value and allowed values.
 
 =============  =======================================================================
 `reading`      from a file to a `Study`, or to all its problems
