@@ -227,21 +227,19 @@ def _loading(run: Run) -> Pairs:
     """Return material, sweep, solver, states and their certified errors."""
     ds, study = run.dataset, run.study
     pairs = [] if study is None else _pressed(study, str(ds.attrs.get("region", "")))
-    kernel = None if study is None else KERNELS.get(study.kernel(study.surface.length_unit).name)
-    proof = "" if kernel is not None and kernel.m_matrix else "; measured on this kernel, not proved"
+    kernel = "love" if study is None else study.kernel(study.surface.length_unit).name
+    proved = kernel in KERNELS and KERNELS[kernel].m_matrix
+    words = "" if proved else f"; not proved for the kernel {kernel}"
     if "residual" in ds:
-        solved = ds["residual"].notnull()
+        solved, largest = ds["residual"].notnull(), float(ds["residual"].max())
         pairs += [
             ("States", f"{int((ds['converged'] & solved).sum())} of {int(solved.sum())} converged"),
-            (
-                "Certified residual η/σ",
-                f"{float(ds['residual'].max()):.1e} at most, which bounds the error of V*{proof}",
-            ),
+            ("Certified residual η/σ", f"{largest:.1e} at most, which bounds the error of V*{words}"),
         ]
     bound = float(ds["mean_pressure_bound"].where(ds[P] > ROUNDING).max()) if "mean_pressure_bound" in ds else math.nan
     if math.isfinite(bound):
         pairs.append(
-            ("Bound of the error of p*" if proof else "Certified error of p*", f"{bound:.1e} at most, relative{proof}")
+            (f"{'Certified' if proved else 'Bound of the'} error of p*", f"{bound:.1e} at most, relative{words}")
         )
     answers = (line.partition(": ") for line in str(ds.attrs.get("answer", "")).splitlines())
     pairs += [(name, text) for name, colon, text in answers if colon]

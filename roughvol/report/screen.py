@@ -91,8 +91,10 @@ def summary(run: Run) -> list[Table]:
     """Return the table after a run: ends of legs and recorded levels, and where the ways through the gap close."""
     named = _named(run)
     found = _of_groups("short", [(name, state) for name, group in named for state in _chief(run, group)])
-    between = any("=" in row.state.label for row in found.rows)  # else flows are those of the steps
-    table = found.table("", *found.notes(), *[RULE] * between)
+    notes = list(found.notes())
+    if any("=" in row.state.label for row in found.rows):  # else flows are those of the steps
+        notes.append(RULE)
+    table = found.table("", *notes)
     return [table, *closing([(name, first_leg(group)) for name, group in named])]
 
 

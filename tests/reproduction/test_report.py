@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import roughvol
+from roughvol.analysis.stored_run import Run
 from roughvol.campaign import execution
 from roughvol.cli import main
 from roughvol.errors import DatasetError
@@ -27,6 +29,7 @@ from roughvol.reproduction.judgement import Judgement, judge
 from roughvol.reproduction.sections import report_of
 from roughvol.store import dataset
 from roughvol.store.run import names_of
+from roughvol.study import loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from tests.reproduction import kit
 
@@ -420,3 +423,12 @@ def test_the_page_is_light_and_dark_prints_and_fits_a_phone(html: str) -> None:
         assert "class='box'>" in before or "verdicts" in table
     assert "table.verdicts td[data-head]::before" in html
     assert html.count("data-head='Why'") == len(re.findall(r"<td class='n'>\d+</td><td><a", html))
+
+
+@pytest.mark.parametrize(
+    ("kernel", "words"), [("love", "Certified error of p*"), ("punch", "Bound of the error of p*")]
+)
+def test_a_bound_is_certified_where_it_is_proved_for_the_kernel(kernel: str, words: str, tmp_path: Path) -> None:
+    study = loads(f"surface: {{D: 2.3, m: 3, seeds: 1}}\nsweep: {{steps: 2}}\nsolver: {{kernel: {kernel}}}")
+    found = dict(run_facts.facts(Run.of("s", roughvol.run(study, out=tmp_path, jobs=1))).loading)
+    assert found[words].endswith("relative" if kernel == "love" else "; not proved for the kernel punch")
