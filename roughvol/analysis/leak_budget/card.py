@@ -20,6 +20,7 @@ from roughvol.analysis.leak_budget.solver import solver_part, solver_part_of_loa
 from roughvol.analysis.leak_budget.state import (
     FLOW,
     SWEEP,
+    Grids,
     Loaded,
     closing_of,
     comparable,
@@ -106,12 +107,7 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
         of_load += (seal.window_of(closing, f"{len(fine)} surfaces"),) if len(fine) > 1 else ()
         closing = closing.with_factor(larger if representative else math.nan, smaller)
     leak, parts, words = seal.leak_of(
-        patch,
-        maps,
-        quadrants,
-        isotropic=isotropic,
-        representative=representative,
-        shared=shared,
+        patch, maps, quadrants, isotropic=isotropic, representative=representative, shared=shared
     )
     if (name := f"gas_{FLOW}") in fine[0].table:
         leaks = np.array([[one.leak(axis, name) for axis in AXES] for one in fine])
@@ -175,12 +171,7 @@ def _beside(fine: Sequence[Loaded]) -> Iterator[Beside]:
             yield Beside(text, tuple(average(name, row) for row in leaks), fine[0].unit(name))
 
 
-def _way(
-    fine: Sequence[Loaded],
-    coarser: Sequence[tuple[str, list[Loaded]]],
-    levelled: Levelled | None,
-    axis: str,
-) -> Way:
+def _way(fine: Sequence[Loaded], coarser: Grids, levelled: Levelled | None, axis: str) -> Way:
     """Return the leak along one axis with its closing and its error."""
     leak = leak_of(fine, axis)
     finer = [Finer.of(one, others) for one, *others in same_surfaces(fine, coarser)]

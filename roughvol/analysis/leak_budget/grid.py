@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roughvol.analysis.leak_budget.state import (
+    Grids,
     Loaded,
     closing_of,
     leak_of,
@@ -79,30 +80,16 @@ def _finer_words(finer: Sequence[Finer]) -> str:
     return f"slopes grow × {math.exp(growth):.2f} as the spacing halves, and may go on so to a quarter of it{counts}"
 
 
-def grid_part_of_load(
-    fine: Sequence[Loaded],
-    coarser: Sequence[tuple[str, list[Loaded]]],
-    finer: Sequence[Finer],
-    axis: str,
-) -> Part:
+def grid_part_of_load(fine: Sequence[Loaded], coarser: Grids, finer: Sequence[Finer], axis: str) -> Part:
     """Return the part of the grid of the closing load."""
     if not coarser:
         return Part("grid", math.nan, NO_COARSER)
     fall, rise = (float(np.mean(logs)) for logs in zip(*(one.of_closing for one in finer), strict=True))
-    return Part(
-        "grid",
-        math.exp(rise),
-        "; ".join(filter(None, (_trend(fine, coarser, axis), _finer_words(finer)))),
-        math.exp(fall),
-    )
+    words = "; ".join((_trend(fine, coarser, axis), _finer_words(finer)))
+    return Part("grid", math.exp(rise), words, math.exp(fall))
 
 
-def grid_part(
-    fine: Sequence[Loaded],
-    coarser: Sequence[tuple[str, list[Loaded]]],
-    finer: Sequence[Finer],
-    axis: str,
-) -> Part:
+def grid_part(fine: Sequence[Loaded], coarser: Grids, finer: Sequence[Finer], axis: str) -> Part:
     """Return the part of the grid of the leak: that of the loads, at most twice the change from twice the spacing."""
     if not coarser:
         return Part("grid", math.nan, NO_COARSER)
@@ -126,7 +113,7 @@ def _change(fine: Sequence[Loaded], other: Sequence[Loaded], axis: str) -> str:
     return f"× {number(there / here)}{count}" if there > 0.0 else "closed"
 
 
-def _trend(fine: Sequence[Loaded], coarser: Sequence[tuple[str, list[Loaded]]], axis: str) -> str:
+def _trend(fine: Sequence[Loaded], coarser: Grids, axis: str) -> str:
     """Return in words what coarser grids show of a way that is closed on the finest."""
     leaks = [(words, leak_of(surfaces, axis).value) for words, surfaces in coarser]
     unit = fine[0].unit()

@@ -129,6 +129,10 @@ class Loaded:
         return found
 
 
+Grids = Sequence[tuple[str, list[Loaded]]]
+"""Coarser grids in words, the finest first, each with the surfaces at the load of the card."""
+
+
 def curve_of(points: Mapping[float, float], closes: float) -> PchipInterpolator | None:
     """Return the logarithm of a leak over that of the load, from leaks by load; None from fewer than two open states.
 
@@ -214,7 +218,7 @@ def log_ratio(one: Loaded, other: Loaded, axis: str) -> float:
     return math.log(there / here) if here > 0.0 and there > 0.0 else math.nan
 
 
-def same_surfaces(fine: Sequence[Loaded], others: Sequence[tuple[str, list[Loaded]]]) -> Iterator[tuple[Loaded, ...]]:
+def same_surfaces(fine: Sequence[Loaded], others: Grids) -> Iterator[tuple[Loaded, ...]]:
     """Yield each surface with the same surface of the other runs."""
     yield from zip(fine, *(surfaces for _, surfaces in others), strict=True)
 
