@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from xarray import Dataset
 
 from roughvol.errors import FolderError
@@ -42,6 +42,7 @@ PER_INCH = 24  # characters in a line of a note
 RAISED = {"2": "²", "3": "³"}  # the font has no others, nor a raised minus
 WIDE = 62  # characters of a legend, lines included, that fit over a column
 MANY = 30  # computed states of a curve, beyond which only some have a marker
+SHORT = 2.0  # ratio of the ends of a logarithmic axis up to which its numbers are equally far apart
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
 
 
@@ -191,8 +192,9 @@ def density_label(ds: Dataset) -> str:
 
 
 def plain_ticks(axis: Any, steps: Sequence[float]) -> None:
-    """Label a logarithmic axis with plain numbers: these multiples of each power of ten."""
-    axis.set_major_locator(LogLocator(subs=steps))
+    """Label a logarithmic axis with plain numbers: these multiples of each power of ten, or few on a short axis."""
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=steps) if high > SHORT * low else MaxNLocator(4))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
 
