@@ -1,5 +1,6 @@
 """The states of stored surfaces at a load, on a step or between two steps.
 
+A later leg begins at the last step of the leg before.
 Between two steps, a number lies on the straight line over the quantity of the level; a leak rate, a flow or an opening
 on the straight line of its logarithm. A way that closes between two steps is open up to the second step, and its flow
 lies on the straight line to 0 there. Where a study has its closing load solved, the way is open up to this load, and
@@ -200,9 +201,11 @@ def at(run: Run, group: Dataset, level: Level) -> State:
 
 def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach: list[float]) -> State | None:
     """Return the surfaces at a level of a leg, None if there are none; add the values of the leg to ``reach``."""
-    on_leg = group["leg"].values == leg if "leg" in group else np.ones(group.sizes["step"], dtype=bool)
-    part = group.isel(step=np.flatnonzero(on_leg)) if "leg" in group else group
-    offset = int(np.flatnonzero(on_leg)[0])
+    on_leg = np.flatnonzero(group["leg"].values == leg) if "leg" in group else np.arange(group.sizes["step"])
+    offset = int(on_leg[0])
+    turn = int(offset > 0 and level.kind not in ("last", "step"))  # a leg begins where the leg before ends
+    offset -= turn
+    part = group.isel(step=slice(offset, int(on_leg[-1]) + 1))
     own = _recorded(group, level, leg)
     flows = {} if level.kind == "last" else leak.recorded(group, _label(level, leg))
     shut = leak.closed(part)
@@ -217,7 +220,7 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
             value = own[STATE_KINDS[level.kind].stored][k]
         if level.kind == "last":
             place: float | None = float(solved[-1])
-        elif own or (place := _defined(run, level, leg, scale, solved.tolist())) is None:
+        elif own or (place := _defined(run, level, leg, scale, solved.tolist(), turn)) is None:
             place = place_of(values, value, near, between=level.kind != "step")
         first = values[solved[0]]
         if place is None and is_recorded and (value > first if STATE_KINDS[level.kind].falls else value < first):
@@ -307,14 +310,14 @@ def _path(
     return values, value, slack(kind, value)
 
 
-def _defined(run: Run, level: Level, leg: int, scale: Scale, solved: list[int]) -> float | None:
+def _defined(run: Run, level: Level, leg: int, scale: Scale, solved: list[int], first: int) -> float | None:
     """Return the place of the step that a leg defines as a level, its target or a listed load; else None."""
     legs = run.study.sweep.legs if run.study else ()
     if not 1 <= leg <= len(legs) or level.value is None or not _is_stored(level):
         return None
     kind, value = scale.starred(level.kind, level.value)
     defined = legs[leg - 1]
-    targets = dict(enumerate(defined.listed)) if defined.listed is not None else {solved[-1]: defined.target}
+    targets = dict(enumerate(defined.listed, first)) if defined.listed is not None else {solved[-1]: defined.target}
     for place, target in targets.items():
         if target.value is None or not _is_stored(target) or place not in solved:
             continue

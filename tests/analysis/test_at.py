@@ -183,6 +183,19 @@ def test_every_leg_can_be_asked_and_is_named(text: str, leg: int, label: str) ->
         assert float(state.data["free_volume"][seed]) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize("leg", [2, 3])
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_a_later_leg_begins_where_the_leg_before_ends(leg: int, share: float) -> None:
+    run = _run("path")
+    ds = run.dataset.isel(D=0, m=0, seed=[0])
+    first = int(np.flatnonzero(ds["leg"].values == leg)[0])
+    turn, after = (ds["mean_pressure"].values[0, step] for step in (first - 1, first))
+    load = turn + share * (after - turn)
+    state = at(run, ds, Level("pressure", load, leg))
+    ends = ds["free_volume"].values[0, first - 1 : first + 1]
+    assert float(state.data["free_volume"][0]) == pytest.approx(ends[0] + share * (ends[1] - ends[0]), rel=1e-9)
+
+
 def test_a_leg_that_a_path_does_not_have_is_refused() -> None:
     with pytest.raises(DatasetError, match="no leg 7; allowed: 1, 2, 3"):
         at(_run("path"), _groups(_run("path"))[0], parse("pressure=0.5, leg 7"))
