@@ -142,7 +142,8 @@ class State:
 
     ``data`` has the numbers along ``seed``: the surfaces that reach the state, then the ``closed`` surfaces that closed
     before. ``surfaces`` counts all surfaces. ``recorded`` is the label under which a study records the state, as
-    ``pressure=0.5, leg 2``.
+    ``pressure=0.5, leg 2``. ``apart`` is the largest factor between open flows of the two steps around the state, 1 on
+    a step.
     """
 
     label: str
@@ -150,6 +151,7 @@ class State:
     surfaces: int
     closed: int = 0
     recorded: str = ""
+    apart: float = 1.0
 
     @property
     def reached(self) -> int:
@@ -246,7 +248,17 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
         data[name] = (("seed", "axis"), np.where(np.isfinite(there), there, old), attrs)
     if beyond:
         _close(data, len(reached), shut[beyond])
-    return State(label, with_leaks(run.study, group, data), group.sizes["seed"], len(beyond), _label(level, leg))
+    apart = 1.0 if flows else _apart(group, reached, places)
+    return State(label, with_leaks(run.study, group, data), group.sizes["seed"], len(beyond), _label(level, leg), apart)
+
+
+def _apart(group: Dataset, reached: list[int], places: list[float]) -> float:
+    """Return the largest factor between the open flows of the steps around places."""
+    ends = [between(group, reached, of(places).tolist()) for of in (np.floor, np.ceil)]
+    names = [name for name in ("leak_rate", "gas_leak_rate", "transmissivity", "gas_transmissivity") if name in ends[0]]
+    steps = [np.stack([end[name].values for name in names]) if names else np.ones(0) for end in ends]
+    both = (steps[0] > 0.0) & (steps[1] > 0.0)
+    return float(np.exp(np.abs(np.log(steps[1][both] / steps[0][both])).max(initial=0.0)))
 
 
 def _close_where_solved(

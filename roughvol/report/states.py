@@ -23,6 +23,7 @@ IN_PLACE: Mapping[str, Mapping[str, str]] = {
 }
 """By table: a column with a unit that stands in the place of starred columns, which stay in study.nc."""
 STARRED = ("separation", "mean_plane_separation", "indentation", P)
+ROUGH = 1.1  # factor between the flows of two steps, from which on a reading between them is noted
 ROUNDING = 1e-12  # a starred number below is 0 to rounding: the mean plane, an unloaded surface
 NOT_REACHED = "Not all surfaces reach each state: the column 'surfaces' counts those that do."
 SHEETS = "sheets drawn from the surfaces of a row, which have one load there. roughvol card has its interval."
@@ -92,6 +93,9 @@ class States:
         seals = [row.data[name].attrs for row in self.rows for name in LEAKS.values() if name in row.data]
         for words, sheets in dict.fromkeys((one["seal"], one["sheets"]) for one in seals):
             yield f"Q_seal is the leak of the seal of {words}: the median of {sheets} {SHEETS}"
+        apart = max((row.state.apart for row in self.rows), default=1.0)
+        if apart > ROUGH and any(map(is_flow, self.columns)):
+            yield f"Flows of the steps around a state differ by a factor of up to {apart:.2g}: more steps narrow it."
         if any(row.state.reached < row.state.surfaces for row in self.rows):
             yield NOT_REACHED
         if any(row.state.closed for row in self.rows):

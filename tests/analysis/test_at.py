@@ -210,6 +210,17 @@ def test_what_is_no_level_is_refused(text: str) -> None:
         parse(text)
 
 
+def test_a_state_says_how_far_apart_the_flows_of_the_steps_around_it_are() -> None:
+    run = _run("seal")
+    ds = run.dataset.isel(D=0, m=0, seed=[0])
+    load = float(ds["mean_pressure"][0, :2].mean())
+    before, after = (ds["leak_rate"].isel(seed=0, step=k).values for k in (0, 1))
+    assert at(run, ds, Level("pressure", load)).apart == pytest.approx((before / after).max())
+    assert at(run, ds, Level("step", 1)).apart == 1.0
+    notes = [_call("show", "seal", "--at", text).output for text in (f"p={load}", "step=1")]
+    assert ["steps around" in text for text in notes] == [True, False]
+
+
 @pytest.mark.parametrize(("text", "kind"), [("p=0.3", "pressure"), ("A=0.1", "contact_area"), ("d=0", "separation")])
 def test_symbols_name_their_quantities(text: str, kind: str) -> None:
     assert parse(text) == parse(f"{kind}={text.partition('=')[2]}")
