@@ -8,7 +8,8 @@ conductances between their elements times `STRETCHED`, because the way between t
 of twice the size, and so on. Aggregation after Notay, Electronic Transactions on Numerical Analysis 37 (2010) 123-146;
 the scaled coarse matrix after Braess, Computing 55 (1995) 379-393.
 
-Elements of a grid that do not conduct have the number -1. Joints of the last line of a grid lead to the first.
+Elements of a grid that do not conduct have the number -1. Joints of the last line of a grid lead to the first. Indices
+of a graph are unsigned: compiled code then does not ask whether they count from the end.
 """
 
 from typing import NamedTuple
@@ -21,6 +22,7 @@ from roughvol.typing import Array
 
 STRONG, STRETCHED = 0.25, 0.7
 Numbers = NDArray[np.int32]
+Indices = NDArray[np.uint32]
 
 
 class Graph(NamedTuple):
@@ -30,12 +32,12 @@ class Graph(NamedTuple):
     aggregate at the other end (heads) and its conductance (weight).
     """
 
-    starts: Numbers
-    heads: Numbers
+    starts: Indices
+    heads: Indices
     weight: Array
     own: Array
-    row: Numbers
-    column: Numbers
+    row: Indices
+    column: Indices
 
 
 @compiled
@@ -115,9 +117,9 @@ def _strong(joint: float, largest: float) -> bool:
 def graph_of_grid(south: Array, east: Array, own: Array, number: Numbers, count: int) -> Graph:
     """Return the graph of the aggregates of a grid."""
     rows, columns = own.shape
-    held, row, column = np.zeros(count), np.empty(count, np.int32), np.empty(count, np.int32)
+    held, row, column = np.zeros(count), np.empty(count, np.uint32), np.empty(count, np.uint32)
     size = 2 * own.size  # at most; most joints are inside aggregates, or beside another joint of the same two
-    tails, heads, weight, end = np.empty(size, np.int32), np.empty(size, np.int32), np.empty(size), 0
+    tails, heads, weight, end = np.empty(size, np.uint32), np.empty(size, np.uint32), np.empty(size), 0
     for top in range(0, rows, 2):
         for left in range(0, columns, 2):
             first = end
@@ -146,14 +148,14 @@ def graph_of_grid(south: Array, east: Array, own: Array, number: Numbers, count:
 
 
 @compiled
-def of_graph(graph: Graph) -> tuple[Numbers, int]:
+def of_graph(graph: Graph) -> tuple[Indices, int]:
     """Return the aggregate of each node of a graph in its block of twice the size, and how many there are."""
     starts, heads, weight, own, row, column = graph
     largest = own.copy()
     for node in range(own.size):
         for k in range(starts[node], starts[node + 1]):
             largest[node] = max(largest[node], weight[k])
-    chain = np.arange(own.size).astype(np.int32)
+    chain = np.arange(own.size).astype(np.uint32)
     for node in range(own.size):
         best, to, alone = 0.0, -1, True
         for k in range(starts[node], starts[node + 1]):
@@ -167,7 +169,7 @@ def of_graph(graph: Graph) -> tuple[Numbers, int]:
                     _join(chain, node, head)
         if alone and to >= 0:
             _join(chain, node, to)
-    number, count = np.empty(own.size, np.int32), 0
+    number, count = np.empty(own.size, np.uint32), 0
     for node in range(own.size):
         if chain[node] == node:
             number[node] = count
@@ -178,7 +180,7 @@ def of_graph(graph: Graph) -> tuple[Numbers, int]:
 
 
 @compiled
-def _root(chain: Numbers, node: int) -> int:
+def _root(chain: Indices, node: int) -> int:
     """Return the first node of a chain, and shorten the chain on the way."""
     while chain[node] != node:
         chain[node] = chain[chain[node]]
@@ -187,19 +189,19 @@ def _root(chain: Numbers, node: int) -> int:
 
 
 @compiled
-def _join(chain: Numbers, one: int, other: int) -> None:
+def _join(chain: Indices, one: int, other: int) -> None:
     """Join the chains of two nodes under the smaller number."""
     one, other = _root(chain, one), _root(chain, other)
     chain[max(one, other)] = min(one, other)
 
 
 @compiled
-def graph_of_graph(graph: Graph, number: Numbers, count: int) -> Graph:
+def graph_of_graph(graph: Graph, number: Indices, count: int) -> Graph:
     """Return the graph of the aggregates of a graph."""
     starts, heads, weight, own, row, column = graph
-    held, rows, columns = np.zeros(count), np.empty(count, np.int32), np.empty(count, np.int32)
+    held, rows, columns = np.zeros(count), np.empty(count, np.uint32), np.empty(count, np.uint32)
     size = heads.size // 2
-    tail, head, joint, end = np.empty(size, np.int32), np.empty(size, np.int32), np.empty(size), 0
+    tail, head, joint, end = np.empty(size, np.uint32), np.empty(size, np.uint32), np.empty(size), 0
     for node in range(own.size):
         here = number[node]
         held[here] += STRETCHED * own[node]
@@ -213,23 +215,23 @@ def graph_of_graph(graph: Graph, number: Numbers, count: int) -> Graph:
 
 
 @compiled
-def _by_rows(tails: Numbers, heads: Numbers, weight: Array, count: int) -> tuple[Numbers, Numbers, Array]:
+def _by_rows(tails: Indices, heads: Indices, weight: Array, count: int) -> tuple[Indices, Indices, Array]:
     """Return the joints of each of ``count`` nodes, sums of those to the same head, as in `Graph`."""
-    place = np.zeros(count + 1, np.int32)
+    place = np.zeros(count + 1, np.uint32)
     for k in range(tails.size):
         place[tails[k]] += 1
         place[heads[k]] += 1
     end = 0
     for node in range(count + 1):
         place[node], end = end, end + place[node]
-    ends, joints, at = np.empty(end, np.int32), np.empty(end), place[:count].copy()
+    ends, joints, at = np.empty(end, np.uint32), np.empty(end), place[:count].copy()
     for k in range(tails.size):
         tail, head = tails[k], heads[k]
         ends[at[tail]], joints[at[tail]] = head, weight[k]
         ends[at[head]], joints[at[head]] = tail, weight[k]
         at[tail] += 1
         at[head] += 1
-    starts, found, end = np.zeros(count + 1, np.int32), np.full(count, -1, np.int32), 0
+    starts, found, end = np.zeros(count + 1, np.uint32), np.full(count, -1, np.int32), 0
     for node in range(count):
         for k in range(place[node], place[node + 1]):
             head = ends[k]

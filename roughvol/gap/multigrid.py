@@ -18,7 +18,7 @@ from scipy import sparse
 from scipy.sparse import linalg
 
 from roughvol.gap import aggregates
-from roughvol.gap.aggregates import Graph, Numbers
+from roughvol.gap.aggregates import Graph, Indices, Numbers
 from roughvol.gap.compiled import compiled
 from roughvol.typing import Array, Single
 
@@ -77,11 +77,13 @@ class Multigrid:
         for _ in range(max(number.shape).bit_length()):  # until a block is the whole grid
             if graph.own.size <= direct:
                 break
-            number, count = aggregates.of_graph(graph)
-            self._levels.append(_Level(graph, _diagonal(graph), number))
-            graph = aggregates.graph_of_graph(graph, number, count)
+            coarse, count = aggregates.of_graph(graph)
+            diagonal = _diagonal(graph)
+            self._levels.append(_Level(graph, diagonal, DAMPING / diagonal, coarse))
+            graph = aggregates.graph_of_graph(graph, coarse, count)
         size = graph.own.size
-        joints = sparse.csr_array((graph.weight, graph.heads, graph.starts), shape=(size, size))
+        heads, starts = (indices.astype(np.int32) for indices in (graph.heads, graph.starts))
+        joints = sparse.csr_array((graph.weight, heads, starts), shape=(size, size))
         self._factor = _factor(_balance(joints, graph.own))
 
     def __call__(self, inflow: Array) -> Array:
@@ -104,21 +106,22 @@ class Multigrid:
             return direct
         level = self._levels[depth]
         first = np.empty(inflow.size)
-        left = _graph_before(*level, inflow, first, self._coarse(depth + 1))
+        left = _graph_before(level, inflow, first, self._coarse(depth + 1))
         coarse = self._visit(left, depth + 1)
         if depth + 1 < len(self._levels):
             below = self._levels[depth + 1]
-            left = _left(below.graph, below.diagonal, left, coarse)
+            left = _left(below, left, coarse)
             coarse += self._visit(left, depth + 1)
-        return _graph_after(*level, inflow, coarse, first)
+        return _graph_after(level, inflow, coarse, first)
 
 
 class _Level(NamedTuple):
-    """A graph, the diagonal of its matrix, and the aggregate of each node."""
+    """A graph, the diagonal D of its matrix, the sweep s, and the aggregate of each node."""
 
     graph: Graph
     diagonal: Array
-    number: Numbers
+    sweep: Array
+    number: Indices
 
 
 def _factor(matrix: Any) -> Any:
@@ -161,10 +164,19 @@ def stepped(pressure: Field, left: Field, direction: Field, outflow: Field, step
             left[i, j] -= step * outflow[i, j]
 
 
+@compiled
 def _sweep(south: Field, east: Field, own: Field) -> Single:
     """Return the sweep s of a grid; 0 of an element without any conductance."""
-    diagonal = own + (np.roll(south, 1, axis=0) + south) + (np.roll(east, 1, axis=1) + east)
-    return np.divide(DAMPING, diagonal, out=np.zeros(own.shape), where=diagonal > 0.0).astype(np.float32)
+    rows, columns = own.shape
+    sweep = np.zeros(own.shape, np.float32)
+    for i in range(rows):
+        up = i - 1 if i else rows - 1
+        for j in range(columns):
+            back = j - 1 if j else columns - 1
+            diagonal = own[i, j] + (south[up, j] + south[i, j]) + (east[i, back] + east[i, j])
+            if diagonal > 0.0:
+                sweep[i, j] = DAMPING / diagonal
+    return sweep
 
 
 @compiled
@@ -210,50 +222,54 @@ def _after(
             out[i, j] = rest * first[i, j] + sweep[i, j] * (inflow[i, j] + (along + across))
 
 
+@compiled
 def _diagonal(graph: Graph) -> Array:
     """Return the diagonal of the matrix of a graph; 1 of a node without any conductance."""
     diagonal = graph.own.copy()
-    np.add.at(diagonal, np.repeat(np.arange(diagonal.size), np.diff(graph.starts)), graph.weight)
-    diagonal[diagonal == 0.0] = 1.0
+    for node in range(diagonal.size):
+        for k in range(graph.starts[node], graph.starts[node + 1]):
+            diagonal[node] += graph.weight[k]
+        if diagonal[node] == 0.0:
+            diagonal[node] = 1.0
     return diagonal
 
 
 @compiled
-def _graph_before(graph: Graph, diagonal: Array, number: Numbers, inflow: Array, first: Array, left: Array) -> Array:
+def _graph_before(level: _Level, inflow: Array, first: Array, left: Array) -> Array:
     """Write the pressures of a sweep to ``first``, and add up the inflow that they leave, by aggregates."""
-    starts, heads, weight = graph.starts, graph.heads, graph.weight
+    starts, heads, weight = level.graph.starts, level.graph.heads, level.graph.weight
     for node in range(inflow.size):
-        first[node] = DAMPING / diagonal[node] * inflow[node]
+        first[node] = level.sweep[node] * inflow[node]
     for node in range(inflow.size):
         rest = (1.0 - DAMPING) * inflow[node]
         for k in range(starts[node], starts[node + 1]):
             rest += weight[k] * first[heads[k]]
-        left[number[node]] += rest
+        left[level.number[node]] += rest
     return left
 
 
 @compiled
-def _graph_after(graph: Graph, diagonal: Array, number: Numbers, inflow: Array, coarse: Array, first: Array) -> Array:
+def _graph_after(level: _Level, inflow: Array, coarse: Array, first: Array) -> Array:
     """Return the pressures after the coarse correction of the ``first`` ones and a sweep."""
-    starts, heads, weight = graph.starts, graph.heads, graph.weight
+    starts, heads, weight = level.graph.starts, level.graph.heads, level.graph.weight
     pressure = np.empty(inflow.size)
     for node in range(inflow.size):
-        first[node] += coarse[number[node]]
+        first[node] += coarse[level.number[node]]
     for node in range(inflow.size):
         drive = inflow[node]
         for k in range(starts[node], starts[node + 1]):
             drive += weight[k] * first[heads[k]]
-        pressure[node] = (1.0 - DAMPING) * first[node] + DAMPING / diagonal[node] * drive
+        pressure[node] = (1.0 - DAMPING) * first[node] + level.sweep[node] * drive
     return pressure
 
 
 @compiled
-def _left(graph: Graph, diagonal: Array, inflow: Array, pressure: Array) -> Array:
+def _left(level: _Level, inflow: Array, pressure: Array) -> Array:
     """Return the inflow that pressures of a graph leave."""
-    starts, heads, weight = graph.starts, graph.heads, graph.weight
+    starts, heads, weight = level.graph.starts, level.graph.heads, level.graph.weight
     left = np.empty(inflow.size)
     for node in range(inflow.size):
-        rest = inflow[node] - diagonal[node] * pressure[node]
+        rest = inflow[node] - level.diagonal[node] * pressure[node]
         for k in range(starts[node], starts[node + 1]):
             rest += weight[k] * pressure[heads[k]]
         left[node] = rest
