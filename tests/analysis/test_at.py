@@ -24,6 +24,8 @@ from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
 from roughvol.cli import main
 from roughvol.errors import DatasetError
+from roughvol.report.figures import ways
+from roughvol.report.figures.families import Family
 from roughvol.store import dataset
 from roughvol.study import Level, Quantity, loads, parse
 
@@ -256,6 +258,16 @@ def test_tables_name_the_dry_leak_and_average_the_lifted_leak() -> None:
     assert "median Q_x [mm^3/s]" in table
     assert "median Q_x dry [mm^3/s]" in table
     assert f"{np.median(stored):.4g}".replace("e-0", "e-") in table
+
+
+@pytest.mark.parametrize("x", ["nominal_pressure", "free_volume"])
+def test_a_figure_shows_the_leak_at_every_state_under_fluid_pressure(x: str) -> None:
+    ds = first_leg(_groups(_run("lift"))[0])
+    stored = ds.isel(seed=[1])
+    (way,) = ways.ways(Family("", 0.0, {}, stored), x, "leak_rate", "y")
+    states = [at(_run("lift"), stored, parse(level)).data for level in ("pressure=0.03 MPa", "pressure=0.05 MPa")]
+    assert_allclose(way.load, [float(state[x][0]) for state in states], rtol=1e-12)
+    assert_allclose(way.value, [float(state["leak_rate"].sel(axis="y")[0]) for state in states], rtol=0.0)
 
 
 def test_a_run_without_fluid_pressure_is_as_it_was() -> None:

@@ -26,7 +26,7 @@ from xarray import Dataset
 
 from roughvol.analysis import average
 from roughvol.analysis.derived import derived
-from roughvol.analysis.leak import fluid_of
+from roughvol.analysis.leak import LIFTED, fluid_of
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
@@ -123,7 +123,7 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
 def _flow(ax: Axes, some: Sequence[Family], x: str, name: str, title: str) -> None:
     """Draw a flow along x and y: the states of one surface, median and band of several, and where the ways close."""
     dry = f"{name}_dry"
-    stored = [family.data[key] for family in some for key in (name, dry) if key in family.data]
+    stored = [family.data[key] for family in some for key in (name, dry, LIFTED.get(name)) if key in family.data]
     ways.flow_axis(ax, np.concatenate([values.values.ravel() for values in stored]))
     closed, median = set[str](), False
     for family in some:

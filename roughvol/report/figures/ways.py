@@ -18,9 +18,10 @@ from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.lines import Line2D
 from xarray import DataArray, Dataset
 
+from roughvol.analysis.at import MADE
 from roughvol.analysis.average import RANGE
 from roughvol.analysis.closing import LOADS, solved_loads
-from roughvol.analysis.leak import is_lifted
+from roughvol.analysis.leak import LIFTED, STATE, is_lifted
 from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES
 from roughvol.report.figures.families import Family, curves, mean_and_band, named, several
@@ -80,6 +81,10 @@ def ways(family: Family, x: str, name: str, direction: str) -> list[Way]:
 
 
 def _every_way(family: Family, x: str, name: str, direction: str) -> list[Way]:
+    if is_lifted(family.data) and name in LIFTED and (states := _recorded_loads(family.data, x)) is not None:
+        lifted = family.data[LIFTED[name]].sel(axis=direction).transpose("seed", STATE).values
+        pressures = family.data[f"{STATE}_mean_pressure"].transpose("seed", STATE).values
+        return [way(*(part[k][np.argsort(p)] for part in (states, lifted))) for k, p in enumerate(pressures)]
     loads = family.data[x].transpose("seed", "step").values
     values = flow(family.data, name, direction).transpose("seed", "step").values
     found = [way(*pair) for pair in zip(loads, values, strict=True)]
@@ -87,6 +92,15 @@ def _every_way(family: Family, x: str, name: str, direction: str) -> list[Way]:
         return found
     ends = solved_loads(family.data, direction, x)
     return [one._replace(closed=end) if math.isfinite(end) else one for one, end in zip(found, ends, strict=True)]
+
+
+def _recorded_loads(ds: Dataset, x: str) -> Array | None:
+    """Return x at the states under fluid pressure, shape (surfaces, states); None where it is not stored there."""
+    stored = MADE.get(x, x)
+    if f"{STATE}_{stored}" not in ds:
+        return None
+    values: Array = ds[f"{STATE}_{stored}"].transpose("seed", STATE).values
+    return values if x == stored else values * (ds[x] / ds[stored]).max("step").values[:, np.newaxis]
 
 
 def falls(members: Sequence[Way]) -> bool:
