@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 def opened(run: Dataset | StoredRun | str | Path | None, changes: Changes = ()) -> StoredRun:
     """Return the run of a name, a path or a dataset in memory; None is the latest run."""
     from roughvol.store import StoredRun
-    from roughvol.store.dataset import with_case
+    from roughvol.store.variants import whole
     from roughvol.study import changes_of
 
     if run is None or isinstance(run, str | Path):
@@ -66,7 +66,7 @@ def opened(run: Dataset | StoredRun | str | Path | None, changes: Changes = ()) 
         return run
     from roughvol.report.figures import origin
 
-    return StoredRun(Path(f"{origin.run_name(run) or 'dataset'}.nc"), with_case(run))
+    return StoredRun(Path(f"{origin.run_name(run) or 'dataset'}.nc"), whole(run))
 
 
 def study_of(study: Study | Mapping[str, Any] | str | Path, changes: Changes = ()) -> tuple[Study, Path]:

@@ -19,8 +19,7 @@ from roughvol.analysis import average, units
 from roughvol.analysis.derived import check_pressed, derived, groups
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import DatasetError
-from roughvol.store.dataset import with_case
-from roughvol.store.variants import parts_of
+from roughvol.store.variants import chosen, parts_of, whole
 from roughvol.study import Level, level, quantity, text_of_value
 from roughvol.typing import Load, Number
 
@@ -89,7 +88,7 @@ class Accessor:
         True
         """
         wanted = _level(state, kind, leg)
-        check_pressed(self._ds, f"the {NAME}")
+        check_pressed(whole(self._ds), f"the {NAME}")
 
         def of_part(part: Dataset) -> Dataset:
             run = Run.of(NAME, part)
@@ -249,14 +248,14 @@ class Accessor:
 
     def _by_part(self, function: Callable[[Dataset], Dataset]) -> Dataset:
         """Return what a function returns for each combination of the lists of a study, joined again."""
-        found, whole = [], with_case(self._ds)
-        for part in parts_of(whole):
+        found = []
+        for part in parts_of(self._ds.expand_dims(chosen(self._ds))):
             result = function(part.dataset)
             for name, label in part.labels.items():
                 result = result.expand_dims({name: [label]})
             found.append(result)
         joined = _together(found).assign_attrs(self._ds.attrs)
-        return joined if "case" in self._ds.dims or "case" not in joined.dims else joined.isel(case=0)
+        return joined.isel({name: 0 for name in chosen(self._ds) if name in joined.dims})
 
 
 def _level(state: Load, kind: dict[str, Number], leg: int | None) -> Level:

@@ -29,6 +29,7 @@ from roughvol.analysis.closing import SOLVED
 from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
+from roughvol.analysis.units import sigma
 from roughvol.errors import DatasetError
 from roughvol.observables.variables import AXES, OF_STATE, STATES, VARIABLES
 from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, Study, convert
@@ -61,7 +62,7 @@ def scales(run: Run, surfaces: Dataset) -> list[Scale]:
     ds, material = run.dataset, run.study.material if run.study else None
     L, unit = float(ds["L"]), ds.attrs.get("length_unit")
     modulus, modulus_unit = (material.contact_modulus, material.unit) if material else (math.nan, None)
-    sizes = surfaces["Sq"].values.tolist()
+    sizes = sigma(surfaces).values.tolist()
     nodes = [surfaces[name].values for name in ("nodes_x", "nodes_y") if name in surfaces]
     periodic = "periodic" in ds.attrs
     if len(nodes) < 2 and "m" in surfaces.coords:

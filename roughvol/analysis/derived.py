@@ -10,6 +10,7 @@ from xarray import DataArray, Dataset
 
 from roughvol.analysis.leak import counted, is_open
 from roughvol.analysis.legs import first_leg
+from roughvol.analysis.units import sigma
 from roughvol.errors import ContactError, DatasetError
 from roughvol.observables.stiffness import contact_conductance, harmonic_conductivity, interfacial_stiffness
 from roughvol.observables.variables import QUANTITIES
@@ -25,11 +26,11 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
     """Return a dataset with mean gap, nominal pressure, open ways, stiffness, and the leak that counts."""
     found = _stiffness(ds, study)
     if "mean_gap" not in ds and {"Sq", V} <= set(ds):
-        gap = ds[V] * ds["Sq"]
+        gap = ds[V] * sigma(ds)
         found["mean_gap"] = gap.assign_attrs(units=ds.attrs.get("length_unit", "length"), symbol="g_mean")
     nominal = ds.get("nominal_pressure")
     if nominal is None and {"Sq", P} <= set(ds) and study is not None and study.material.unit:
-        nominal = ds[P] * ds["Sq"] * (study.material.contact_modulus / float(ds["L"]))
+        nominal = ds[P] * sigma(ds) * (study.material.contact_modulus / float(ds["L"]))
         nominal = nominal.assign_attrs(units=study.material.unit, symbol="p")
     if nominal is not None:  # an unloaded surface has p* of rounding
         found["nominal_pressure"] = nominal.where(abs(ds[P]) > ROUNDING, 0.0 * nominal).assign_attrs(nominal.attrs)
@@ -52,7 +53,7 @@ def _stiffness(ds: Dataset, study: Study | None) -> dict[str, DataArray]:
     try:
         pressure, gap = (first[name].transpose(..., "step") for name in (P, V))
         stiffness = pressure.copy(data=interfacial_stiffness(pressure.values, gap.values)).reindex(step=ds["step"])
-    except (ContactError, KeyError):  # pressures that do not rise throughout, as those of a region may
+    except (ContactError, KeyError, ValueError):  # pressures that do not rise throughout, as of a region; one step
         return {}
     found = {"interfacial_stiffness": stiffness.assign_attrs(_attributes("interfacial_stiffness"))}
     unit, bodies = ds.attrs.get("length_unit"), study.material.conductivity if study is not None else None

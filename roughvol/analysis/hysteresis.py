@@ -13,6 +13,7 @@ from roughvol.analysis.average import average
 from roughvol.analysis.leak import counted
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number, spread
+from roughvol.analysis.units import sigma
 from roughvol.study.values.state_kinds import slack
 from roughvol.typing import Array
 
@@ -75,7 +76,7 @@ def _same_surfaces(one: Run, other: Run) -> bool:
     if one.generated is None or other.generated is None:
         return False
     sizes = [(run.generated.D, run.generated.m, run.generated.seeds) for run in (one, other) if run.generated]
-    heights = [float(run.dataset["Sq"].mean()) / run.L for run in (one, other)]
+    heights = [float(sigma(run.dataset).mean()) / run.L for run in (one, other)]
     return sizes[0] == sizes[1] and bool(np.isclose(heights[0], heights[1], rtol=1e-9))
 
 

@@ -28,6 +28,7 @@ from roughvol.analysis.closing import SOLVED, Span, span_of, spans
 from roughvol.analysis.derived import groups
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import FEW_DRAWS, Patch, closing_of, conductance_of, is_isotropic, ratios
+from roughvol.analysis.units import sigma
 from roughvol.errors import StudyError
 from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES, LISTED
@@ -244,7 +245,7 @@ def _of_surfaces(run: Dataset, axis: str) -> list[Curve]:
         kept = np.flatnonzero(np.isfinite(leak) & (starred > 0.0))
         order = kept[np.argsort(pressure[kept], kind="stable")]
         if order.size:
-            made.append(Curve(name, pressure[order], leak[order], starred[order], float(surface["Sq"])))
+            made.append(Curve(name, pressure[order], leak[order], starred[order], float(sigma(surface))))
     return made
 
 

@@ -30,6 +30,7 @@ from roughvol.analysis.derived import derived
 from roughvol.analysis.leak_card import Card, Part
 from roughvol.analysis.leak_curve import Curve, LoadReading, axes, closings, curves, surfaces
 from roughvol.analysis.stored_run import Run
+from roughvol.analysis.units import sigma
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.variables import LISTED
 from roughvol.study import Axis, Level, Quantity, Study, convert, loads, read
@@ -394,7 +395,7 @@ def _closing(run: Dataset, axis: str, errors: Mapping[str, Errors] | None) -> li
         known = np.isfinite(surface[load].values)
         pressure, starred = (surface[key].values[known] for key in (load, "mean_pressure"))
         reading = LoadReading.of(span) if own is None else _closing_with_errors(span, own)
-        found.append(_Needed(name, reading, pressure, starred, float(surface["Sq"]), own))
+        found.append(_Needed(name, reading, pressure, starred, float(sigma(surface)), own))
     return found
 
 

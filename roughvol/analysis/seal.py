@@ -55,7 +55,7 @@ ERRORS = 2.0  # standard errors within which x and y are alike
 ENDS = (0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE)
 LONGEST = 0.25  # largest variance of the waves as long as the map over that of the highest octave
 LEAKS = {"leak_rate": "seal_leak_rate", "gas_leak_rate": "seal_gas_leak_rate"}
-ONE_LOAD = 1e-6  # relative: patches at a step have one load
+ONE_LOAD = 1e-4  # relative: patches at a state have one load
 MOST = 700.0  # logarithm of a factor, so that its exponential is finite
 
 
@@ -297,11 +297,9 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
         several = leaks.ndim > 2
         draws = FEW_DRAWS if several else DRAWS
         states_of = leaks.values.reshape(-1, *leaks.shape[-2:])
-        have_one = np.ones(len(states_of), dtype=bool)
-        if several:
-            loads = states["mean_pressure"] * states["Sq"]
-            spread = loads.max("seed") - loads.min("seed") <= ONE_LOAD * abs(loads).max("seed")
-            have_one = spread.transpose(*leaks.dims[:-2]).values.ravel()
+        loads = states["mean_pressure"] * states["Sq"]
+        spread = loads.max("seed") - loads.min("seed") <= ONE_LOAD * abs(loads).max("seed")
+        have_one = spread.transpose(*leaks.dims[:-2]).values.ravel() | (states_of == 0.0).all(axis=(1, 2))
         values = [
             median(patch, some, isotropic=alike, draws=draws) if one_load else math.nan
             for some, one_load in zip(states_of, have_one, strict=True)

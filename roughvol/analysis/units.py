@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from collections.abc import MutableMapping
 
-from xarray import Dataset
+from xarray import DataArray, Dataset
 
 from roughvol.study import convert
 from roughvol.study.sections.fluid import throughput
 
 PLAIN = ("", "1")  # units of pure numbers
+
+
+def sigma(ds: Dataset) -> DataArray:
+    """Return Sq in the unit of L, whatever unit a dataset has it in."""
+    Sq, unit = ds["Sq"], str(ds.attrs.get("length_unit", ""))
+    own = str(Sq.attrs.get("units", unit))
+    return Sq if own == unit or not unit else Sq * convert(1.0, own, unit)
 
 
 def in_units(ds: Dataset, units: MutableMapping[str, str]) -> Dataset:

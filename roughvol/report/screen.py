@@ -231,10 +231,11 @@ class Compared:
     """Numbers of several runs at equal loads, run by run and state by state."""
 
     states: States
+    left_out: tuple[str, ...] = ()  # why numbers are not compared
 
     def table(self) -> Table:
         """Return the rows as text."""
-        return self.states.table("", *self.states.notes(), RULE)
+        return self.states.table("", *self.states.notes(), *self.left_out, RULE)
 
     def records(self) -> Records:
         """Return names, rows of numbers, and units by name, for CSV and JSON.
@@ -271,11 +272,12 @@ def compared(runs: Sequence[Run], levels: Sequence[Level] = ()) -> Compared:
                 name = f"{run.name}, {group}" if len(some) > 1 else run.name
                 rows.append(Row((state.label, name), state, spread(state.data), name))
     found = _at_levels("short", ("state", "run"), rows)
+    notes = dict[str, str]()
     for name in found.columns:
         units = {str(row.data[name].attrs.get("units", "1")) for row in rows if name in row.data}
         if len(units) > 1:
-            raise DatasetError(f"the runs have {name} in different units: {', '.join(sorted(units))}")
-    return Compared(found)
+            notes[name] = f"{name} is left out: its units are {' and '.join(sorted(units))}."
+    return Compared(replace(found, columns=tuple(n for n in found.columns if n not in notes)), tuple(notes.values()))
 
 
 def _equal_loads(every: Sequence[Dataset]) -> list[Level]:

@@ -70,10 +70,11 @@ class States:
         """Return means, medians, counts of surfaces by row, and which leak counts."""
         surfaces = [row.state.surfaces for row in self.rows]
         over = f"{surfaces[0]} surfaces" if len(set(surfaces)) == 1 else "the surfaces of a row"
+        counts = any(name.startswith("open_") for name in self.columns)
         several, dry = max(surfaces, default=1) > 1, any(leak.is_lifted(row.state.data) for row in self.rows)
         return sentences(
             {
-                f"Mean over {over}; open ways are counted.": several,
+                f"Mean over {over}{'; open ways are counted' * counts}.": several,
                 f"Flows: {IN_WORDS}.": several and any(map(is_flow, self.columns)),
                 leak.DRY_NOTE: dry,
             }
@@ -90,7 +91,8 @@ class States:
             }
             if named:
                 yield f"Q is the leak of the patch, {'; '.join(words + fluid for fluid, words in named.items())}."
-        seals = [row.data[name].attrs for row in self.rows for name in LEAKS.values() if name in row.data]
+        held = [name for name in LEAKS.values() if name in self.columns]
+        seals = [row.data[name].attrs for row in self.rows for name in held if name in row.data]
         for words, sheets in dict.fromkeys((one["seal"], one["sheets"]) for one in seals):
             yield f"Q_seal is the leak of the seal of {words}: the median of {sheets} {SHEETS}"
         apart = max((row.state.apart for row in self.rows), default=1.0)

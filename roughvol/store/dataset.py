@@ -166,11 +166,6 @@ def _with_axis(dataset: Dataset) -> Dataset:
     return dataset
 
 
-def with_case(dataset: Dataset) -> Dataset:
-    """Return a dataset with the dimension ``case``, which `roughvol.press` leaves out."""
-    return dataset.expand_dims("case") if "case" in dataset.coords and "case" not in dataset.dims else dataset
-
-
 def _opened(content: bytes) -> Dataset:
     """Return a loaded dataset. In memory, netcdf-c reads past the end of some netCDF-3 files; scipy does not."""
     if not content.startswith(b"CDF"):

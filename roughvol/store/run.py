@@ -45,10 +45,10 @@ class StoredRun:
     @classmethod
     def open(cls, run: str | Path | None = None, changes: Sequence[str] = ()) -> StoredRun:
         """Open a run as `open` does, with the same errors; None is the latest run with results."""
-        from roughvol.store.dataset import with_case
+        from roughvol.store.variants import whole
 
         file, results, given = _opened(run, changes)
-        return cls(file, with_case(results), given)
+        return cls(file, whole(results), given)
 
     @property
     def folder(self) -> Path:

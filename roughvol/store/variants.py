@@ -45,6 +45,21 @@ def joined(
     return results
 
 
+def chosen(results: Dataset) -> list[str]:
+    """Return the lists and the dimensions of surfaces of which a dataset has one label, and no dimension."""
+    return [name for name in (*AXES, "D", "m", "seed", "case") if name in results.coords and name not in results.dims]
+
+
+def whole(results: Dataset) -> Dataset:
+    """Return a dataset with the dimensions of all lists and surfaces; a `DatasetError` if it lacks those of a state."""
+    for name, least in (("step", 1), ("axis", 2)):
+        if name in results.coords and results.sizes.get(name, 0) < least:
+            one = np.atleast_1d(results[name].values)[0]
+            kept = "both axes" if name == "axis" else f"the dimension kept, as .sel(step=[{one}])"
+            raise DatasetError(f"the dataset has {name} {one} alone; allowed: {kept}")
+    return results.expand_dims(chosen(results))
+
+
 class Part(NamedTuple):
     """One combination of a stored study: its words, its labels, and its dataset without the axes."""
 
@@ -76,6 +91,8 @@ def parts_of(results: Dataset) -> list[Part]:
         one = results.sel(labels).drop_vars(held)
         one = one.assign_attrs(study=variant.study.stored(), warnings="\n".join(lines))
         found.append(Part(variant.words, labels, one))
+    if not found:
+        raise DatasetError(f"the study of the dataset has no combination with its values of {', '.join(held)}")
     return found
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 from xarray import Dataset
 
 import roughvol
@@ -99,3 +100,39 @@ def test_the_accessor_comes_with_the_functions_that_return_a_dataset_and_not_wit
     lines = ["import sys, roughvol", "assert 'xarray' not in sys.modules", "roughvol.open"]
     lines += ["import xarray", "xarray.Dataset.roughvol"]
     subprocess.run([sys.executable, "-c", "; ".join(lines)], check=True, cwd=tmp_path, timeout=60)
+
+
+@pytest.mark.parametrize(
+    "choice", [{"E": 20.0}, {"seed": 1}, {"D": 2.6, "m": 5}, {"E": 10.0, "D": 2.2, "m": 4, "seed": 0}], ids=str
+)
+def test_the_choice_of_a_label_and_the_question_may_be_exchanged(swept: Dataset, choice: dict[str, float]) -> None:
+    asked = swept.roughvol.at(pressure="0.02 MPa").sel(choice)
+    chosen = swept.sel(choice)
+    found = chosen.roughvol.at(pressure="0.02 MPa")
+    assert set(found["free_volume"].dims) == set(asked["free_volume"].dims)
+    for name in ("free_volume", "nominal_pressure"):
+        xr.testing.assert_allclose(found[name], asked[name], rtol=1e-12)
+    rows = roughvol.show(chosen, "pressure=0.02 MPa")
+    column = [row[rows.names.index("free_volume")] for row in rows.rows]
+    assert np.allclose(sorted(column), np.sort(asked["free_volume"].values.ravel()), rtol=1e-12)
+    assert roughvol.plot(chosen, "v_of_p").axes
+
+
+def test_heights_in_another_unit_change_no_load(swept: Dataset) -> None:
+    in_mm = swept.roughvol.in_units(Sq="mm")
+    for level in ("0.02 MPa", "20 kPa"):
+        found, same = in_mm.roughvol.at(pressure=level), swept.roughvol.at(pressure=level)
+        assert np.allclose(found["free_volume"], same["free_volume"], rtol=1e-12)
+    assert np.allclose(in_mm.roughvol.derived()["mean_gap"], swept.roughvol.derived()["mean_gap"], rtol=1e-12)
+
+
+def test_a_question_on_one_step_or_one_axis_is_refused(swept: Dataset) -> None:
+    for chosen, word in ((swept.isel(step=1), "step 2 alone"), (swept.assign_coords(axis="x"), "axis x alone")):
+        for ask in (
+            lambda ds: ds.roughvol.at("last"),
+            roughvol.show,
+            roughvol.ask,
+            lambda ds: roughvol.plot(ds, "fig05"),
+        ):
+            with pytest.raises(DatasetError, match=word):
+                ask(chosen)

@@ -121,3 +121,22 @@ def test_conductance_is_that_of_elastic_half_spaces_alone(more: str, tmp_path: P
     found = derived(execution.run(study, jobs=1, out=tmp_path), study)
     assert ("contact_conductance" in found) == (not more)
     assert "interfacial_stiffness" in found
+
+
+@pytest.mark.parametrize("level", ["pressure=0.02 MPa", "load=0.0002 N", "mean_gap=0.9 um", "leak_rate=3e-6 mm^3/s"])
+def test_runs_are_compared_at_one_load_whatever_unit_their_lengths_have(level: str, tmp_path: Path) -> None:
+    record = f"record: {{transport: {{transmissivity: every-step}}, dimensional: {LIQUID}}}\n"
+    in_mm = SURFACE.replace("100 um", "0.1 mm").replace("0.7 um", "0.0007 mm")
+    runs = [
+        run(f"name: {name}\n" + surface + RUBBER + PRESSED + record, tmp_path / name)
+        for name, surface in (("um", SURFACE), ("mm", in_mm))
+    ]
+    alone = runs[0].roughvol.at(level)
+    for order in (runs, runs[::-1]):
+        found = roughvol.compare(order, level).records()
+        rows = [dict(zip(found.names, row, strict=True)) for row in found.rows]
+        for row in rows:
+            assert row["reached"] == 1
+            for name in ("free_volume", "leak_rate_x", "nominal_pressure"):
+                expected = alone.sel(axis="x")[name.removesuffix("_x")].item()
+                assert row[name] == pytest.approx(expected, rel=1e-9)

@@ -17,11 +17,13 @@ from numpy.testing import assert_allclose
 from roughvol.analysis.average import average
 from roughvol.campaign.one_case import run_case
 from roughvol.errors import DatasetError
+from roughvol.report.figures.families import Family
 from roughvol.report.figures.registry import FIGURES as ALL
 from roughvol.report.figures.ways import (
     Way,
     band_words,
     centre_and_band,
+    draw_flow,
     flow,
     grid,
     is_open,
@@ -399,3 +401,16 @@ def test_volumes_of_several_surfaces_hold_both_in_the_band(ds: Dataset) -> None:
     vertices = ax.collections[0].get_paths()[0].vertices
     ends = vertices[np.isclose(vertices[:, 0], at, rtol=1e-12), 1]
     assert ends.min() <= min(values) <= max(values) <= ends.max()
+
+
+def test_a_median_is_drawn_up_to_the_last_step_and_led_to_a_solved_closing_load() -> None:
+    ax = Figure().add_subplot()
+    ax.set(ylim=(1e-3, 10.0), yscale="log")
+    members = [Way(np.array([1.0, 2.0]), np.array([4.0, 1.0]), closed, 2.0) for closed in (5.0, 6.0)]
+    family = Family("", 0.0, {"color": "k"}, Dataset({"Sq": ("seed", [1.0, 1.0])}))
+    assert draw_flow(ax, family, members, "x", alone=True)
+    drawn, lead, mark = ax.get_lines()
+    assert np.max(drawn.get_xdata()) == pytest.approx(2.0, abs=0.03)
+    assert np.isfinite(np.asarray(drawn.get_ydata(), dtype=float)).all()
+    assert lead.get_linestyle() == ":"
+    assert np.asarray(mark.get_xdata()).tolist() == [6.0]

@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from xarray import DataArray, Dataset
 
+from roughvol.analysis.units import sigma
 from roughvol.gap.free_volume import element_volumes
 from roughvol.observables.at_state import at_state
 from roughvol.report.figures.cases import FINEST, SHOWN_D, nearest, nearest_state, nearest_surface
@@ -142,7 +143,7 @@ def volumes(ds: Dataset) -> tuple[Dataset, Array, Mask, dict[str, Any], str]:
     case, name, words = state(ds, "field_at", "gap")
     gap = own(case["gap"])
     x, y, contact = gap["x"].values, gap["y"].values, gap.values == 0.0
-    v = element_volumes(gap.values * float(case["Sq"]), float(case["L"]) * x[1], contact)
+    v = element_volumes(gap.values * float(sigma(case)), float(case["L"]) * x[1], contact)
     half = x[1] / 2  # a node is the centre of its element
     extent = (-half, x[-1] + half, -half, y[-1] + half)
     return case, v, contact, {"origin": "lower", "extent": extent, "interpolation": "none"}, f"{name}: {words}"

@@ -26,7 +26,7 @@ from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES
 from roughvol.report.figures.families import Family, curves, mean_and_band, named, several
 from roughvol.report.figures.style import CONTACT, GREY, Drawing, looks
-from roughvol.typing import Array
+from roughvol.typing import Array, Mask
 
 GRID = 240  # points of a curve over several surfaces
 BAND = (100.0 * RANGE[0], 100.0 * RANGE[1])  # percentiles of a band over surfaces
@@ -46,6 +46,7 @@ class Way(NamedTuple):
     load: Array  # of the open states
     value: Array  # there
     closed: float  # solved closing load, or load of the first state computed closed; NaN if it was open to the end
+    ends: float = math.nan  # load of the last computed state
 
     @property
     def known(self) -> bool:
@@ -72,7 +73,7 @@ def way(load: Array, value: Array) -> Way:
     open_ = np.flatnonzero(value > 0.0)
     last = int(open_[-1]) if open_.size else -1
     closed = float(load[last + 1]) if last + 1 < load.size else math.nan
-    return Way(load[open_], value[open_], closed)
+    return Way(load[open_], value[open_], closed, float(load[-1]) if load.size else math.nan)
 
 
 def ways(family: Family, x: str, name: str, direction: str) -> list[Way]:
@@ -154,6 +155,13 @@ def sample(members: Sequence[Way], at: Array, *, hold: bool = False, beyond: flo
             row[between] = at_state([load[-1], closed], ends, points[between], straight=True)
         row[points >= closed] = beyond
     return rows
+
+
+def is_computed(members: Sequence[Way], at: Array) -> Mask:
+    """Return where no way lies between its last state and a solved closing load beyond it, shape (points,)."""
+    ends, closed = np.transpose([[member.ends, member.closed] for member in members])[:, :, np.newaxis]
+    computed: Mask = ~((at > ends) & (at < closed)).any(axis=0)
+    return computed
 
 
 def is_open(members: Sequence[Way], at: Array) -> Array:
@@ -243,14 +251,17 @@ def draw_flow(ax: Axes, family: Family, members: list[Way], direction: str, *, a
         return _draw_each(ax, family, members, direction, look | {"label": name}, lead=True)
     at = grid(members)
     centre, low, high = centre_and_band(sample(members, at))
-    open_ = centre > 0.0
-    ax.fill_between(at, np.maximum(low, 0.1 * floor), high, color=look["color"], alpha=FAINT, lw=0, zorder=2)
-    lines = ax.plot(at[open_], centre[open_], label=name, color=look["color"], ls=look["ls"], zorder=3)
+    computed = is_computed(members, at)
+    band = at, np.maximum(low, 0.1 * floor), high
+    ax.fill_between(*band, where=computed.tolist(), color=look["color"], alpha=FAINT, lw=0, zorder=2)
+    drawn = np.where(computed & (centre > 0.0), centre, np.nan)
+    last = int(np.flatnonzero(np.isfinite(drawn)).max(initial=-1))
+    lines = ax.plot(at[: last + 1], drawn[: last + 1], label=name, color=look["color"], ls=look["ls"], zorder=3)
     named(ax, lines, family, axis=direction)
-    if open_.all():
+    if (centre > 0.0).all():
         return False
-    end = int(np.argmin(open_))
-    closing(ax, direction, look["color"], (at[end - 1], centre[end - 1]) if end else None, at[end], family)
+    lead = (at[last], centre[last]) if last >= 0 else None
+    closing(ax, direction, look["color"], lead, at[int(np.argmin(centre > 0.0))], family)
     return True
 
 
