@@ -35,7 +35,7 @@ from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.kernels import KERNELS
 from roughvol.contact.loading import sweep
 from roughvol.contact.options import Options
-from roughvol.errors import ContactError
+from roughvol.errors import Problem, StudyError
 from roughvol.gap import box_counting, free_volume
 from roughvol.observables.variables import DTYPES
 from roughvol.store import provenance, small_file
@@ -91,14 +91,14 @@ def surfaces_of(study: Study) -> tuple[Case, ...]:
     finest = max((case.m or 0 for case in cases), default=0)
     cases = tuple(case for case in cases if (case.m or 0) == finest)
     if not cases or cases[0].sweep.steps == 0:
-        raise ContactError("the study has no sweep; allowed: sweep.steps of at least 1")
+        raise StudyError([Problem("the study has no sweep; allowed: at least 1", "sweep.steps")])
     sweep = cases[0].sweep
     if cases[0].plastic or len(sweep.legs) > 1 or sweep.legs[0].listed or sweep.has_units:
         message = "a trade-off is measured on one elastic sweep; allowed: no list of legs or states, no hardness that "
-        raise ContactError(f"{message}acts, an end without a unit")
+        raise StudyError([Problem(f"{message}acts, an end without a unit")])
     if cases[0].endless:
-        message = f"surface.sides is {cases[0].sides}; allowed: free, the ladders of m and kernel are of a free patch"
-        raise ContactError(message)
+        message = f"given {cases[0].sides}; allowed: free, the ladders of m and kernel are of a free patch"
+        raise StudyError([Problem(message, "surface.sides")])
     seeds, dimensions = dict.fromkeys(case.seed for case in cases), {case.D for case in cases}
     kept = list(seeds)[: max(1, SURFACES // len(dimensions))]
     return tuple(case for case in cases if case.seed in kept)

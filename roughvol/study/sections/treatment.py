@@ -17,9 +17,8 @@ from typing import NoReturn
 from roughvol.errors import Problem, StudyError
 from roughvol.study.plain_data import number_text
 from roughvol.study.sections.height_file import Crop, HeightFile
-from roughvol.study.values.units import Length, unit_of
+from roughvol.study.values.units import Length, in_unit, unit_of
 from roughvol.surfaces.body import Nodes, Resampling, Treatment
-from roughvol.surfaces.length_units import factor
 
 SQUARE = 1e-4  # relative difference of the sides of a square pixel: a tenth of a pixel over a thousand
 MOST_OBLONG = 2.0  # largest ratio of the sides of a pixel for resampling
@@ -171,7 +170,7 @@ def in_unit_of_study(length: Length, unit: str | None, key: str) -> float:
         return float(length)
     if unit is None:
         wrong(f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um", key)
-    return float(length) * factor(own, unit)
+    return in_unit(length, unit)
 
 
 def _node(position: float, nodes: int, pixel: float, unit: str | None, key: str) -> float:
