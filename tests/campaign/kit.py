@@ -112,11 +112,6 @@ def at_work(folder: Path, process: subprocess.Popen[str], number: int = 1) -> li
     raise AssertionError(process.communicate()[1])
 
 
-def problems_of(error: Any, key: str, words: str) -> list[Any]:
-    """Return the problems of a refused study at a key with certain words."""
-    return [one for one in error.problems if (one.key or "").startswith(key) and words in one.message]
-
-
 class Dask:
     """A scheduler and workers, each a process of this machine."""
 

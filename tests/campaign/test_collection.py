@@ -20,7 +20,7 @@ from roughvol.store import dataset
 from roughvol.store.variants import parts_of
 from roughvol.study import load, loads
 from roughvol.study.sections import height_file
-from tests.campaign.kit import files_of, problems_of
+from tests.campaign.kit import files_of
 
 MANY = """
 surface: {files: maps/*.npy, L: 100 um}
@@ -212,38 +212,3 @@ def test_cases_without_lists_keep_their_id() -> None:
     plain = load("many.yaml").variants[0].study.cases()
     text = MANY.replace("[5 MPa, 10 MPa]", "5 MPa")
     assert [case.id for case in plain] == [case.id for case in loads(text, "many.yaml").cases()]
-
-
-@pytest.mark.parametrize(
-    ("text", "key", "part"),
-    [
-        ("material: {E: [5 MPa, -1 MPa], nu: 0.5}", "material.E[1]", "must be > 0"),
-        ("material: {E: [], nu: 0.5}", "material.E", "must have at least one item, given an empty list"),
-        ("material: {E: [5 MPa, 5000 kPa], nu: 0.5}", "material.E[1]", "is item 1 of the list again, given '5000 kPa'"),
-        ("material: {E: 5 MPa, nu: 0.5, hardness: [none, null]}", "material.hardness[1]", "again, given nothing"),
-        ("material: {E: [5 MPa, 6], nu: 0.5}", "material.E[1]", "either all items have a unit, or none, given 6"),
-        (f"material: {{E: {list(range(1, 1002))}, nu: 0.5}}", "material.E", "make 1001 combinations"),
-        ("material: {E: 5 MPa, nu: [0.3, 0.9]}", "material.nu[1]", "must be <= 0.5"),
-        ("material: {E: 5 MPa, nu: 0.3, hardness: [1, 1 GPa]}", "material.hardness[0]", "either all items have a unit"),
-        ("material: [{E: 5 MPa, nu: 0.3}, {E: 5 MPa}]", "material[1].nu", "missing"),
-        (
-            "material: {E: [5 MPa, 6 MPa], nu: 0.5}\nsweep: {to: {pressure: 1}}\n"
-            "ensemble: {accuracy: {free_volume: 5 %}}",
-            "material.E",
-            "an ensemble takes one value",
-        ),
-    ],
-)
-def test_items_without_meaning_are_refused(text: str, key: str, part: str) -> None:
-    surface = MADE.replace("m: 4, seeds: 2", "m: auto") if "ensemble" in text else MADE
-    with pytest.raises(StudyError) as refused:
-        loads(f"{surface}{text}\n")
-    found = problems_of(refused.value, key, part)
-    assert found, refused.value
-    assert found[0].line == 2
-
-
-@pytest.mark.parametrize("key", ["level: [none, tilt]", "low_pass: [none, 5 um]"])
-def test_generated_surfaces_take_no_list_of_treatments(key: str) -> None:
-    with pytest.raises(StudyError, match=rf"surface\.{key.partition(':')[0]}: excluded by 'D'"):
-        loads(MADE.replace("m: 4", f"m: 4, {key}"))

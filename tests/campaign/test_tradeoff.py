@@ -12,7 +12,7 @@ from roughvol.campaign import tradeoff
 from roughvol.cli import main
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
-from roughvol.errors import ContactError, StudyError
+from roughvol.errors import ContactError
 from roughvol.report import convergence
 from roughvol.report.figures.registry import TRADEOFF
 from roughvol.store import dataset, tradeoff_variables
@@ -140,20 +140,6 @@ def test_a_requested_error_is_certified_and_met(asked: dict[str, float]) -> None
         assert (bound <= error).all()
     work, exact_work = (float((ds.convolutions + ds.convolutions_fp32).sum()) for ds in (found, exact))
     assert work < exact_work
-
-
-@pytest.mark.parametrize(
-    ("solver", "words"),
-    [
-        ("{max_error: {}}", "must name free_volume or mean_pressure"),
-        ("{max_error: {volume: 1.0e-3}}", "free_volume"),
-        ("{max_error: {free_volume: 2.0}}", "free_volume"),
-        ("{max_error: {free_volume: 1.0e-3}, rtol: 1.0e-3}", "one of accuracy, rtol and max_error"),
-    ],
-)
-def test_errors_that_cannot_be_requested_are_refused(solver: str, words: str) -> None:
-    with pytest.raises(StudyError, match=words):
-        loads(f"surface: {{D: 2.6, m: 4}}\nsolver: {solver}")
 
 
 def test_a_requested_error_is_part_of_the_identity() -> None:

@@ -91,24 +91,6 @@ def test_a_state_before_the_first_step_or_without_a_way_has_no_coefficient() -> 
         value_at(_series(closed), "log_leak_rate", Level("last"), closed)
 
 
-@pytest.mark.parametrize(
-    ("accuracy", "sweep", "rest", "message"),
-    [
-        ("{transmissivity: 1 %}", "", "", "needs record.transport.transmissivity: every-step"),
-        ("{log_leak_rate: 0.1}", "", "record: {transport: {transmissivity: last}}", "transmissivity: every-step"),
-        ("{connected_volume_fraction: 1 %}", "", "", "needs record.transport.percolation: every-step"),
-        ("{percolation_pressure: 1 %}", "", "", "needs sweep.to: {percolation: both}, or record.transport.percolation"),
-        ("{percolation_pressure_x: 1 %}", "sweep: {to: percolation}", "", "needs sweep.to: {percolation: x}"),
-        ("{percolation_pressure: 1 %}, at: {pressure: 1}", "sweep: {to: percolation}", "", "is of no use for perc"),
-    ],
-)
-def test_a_study_that_does_not_record_what_it_asks_for_is_refused(
-    accuracy: str, sweep: str, rest: str, message: str
-) -> None:
-    with pytest.raises(StudyError, match=message):
-        loads(f"surface: {{D: 2.3, m: 4}}\nensemble: {{accuracy: {accuracy}}}\n{sweep}\n{rest}")
-
-
 def test_a_quantity_without_a_state_has_a_state_of_its_own() -> None:
     text = "surface: {D: 2.3, m: 4}\nsweep: {to: percolation}\n"
     study = loads(text + "ensemble: {accuracy: {free_volume: 5 %, percolation_pressure: 5 %}}")

@@ -84,18 +84,6 @@ def test_a_temperature_may_be_below_the_zero_of_its_scale(text: str, kelvin: flo
     assert_allclose(one.kelvin, kelvin, rtol=1e-12)
 
 
-@pytest.mark.parametrize("text", ["-300 degC", "0 K", "-1 K"])
-def test_a_temperature_below_absolute_zero_is_refused(text: str) -> None:
-    with pytest.raises(StudyError, match=r"fluid\.temperature: must be above 0 K, is .* K, given"):
-        fluid(f"{{gas: air, inlet: 2 bar, outlet: 1 bar, temperature: {text}}}")
-
-
-def test_a_wrong_gas_of_ones_own_has_one_message() -> None:
-    with pytest.raises(StudyError) as caught:
-        fluid("{gas: {viscosity: 0 uPa*s, molar_mass: 29 g/mol}, inlet: 2 bar, outlet: 1 bar}")
-    assert [problem.key for problem in caught.value.problems] == ["fluid.gas.viscosity"]
-
-
 @pytest.mark.parametrize(
     ("given", "wanted", "factor"),
     [

@@ -56,31 +56,6 @@ def test_a_list_of_layers_has_the_numbers_of_each_layer(tmp_path, E):
     ]
 
 
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"surface.sides": "free"}, "material.thickness: a layer needs surface.sides: mirrored or periodic"),
-        ({"solver.kernel": "punch"}, "'punch' has no layer; allowed with material.thickness: love, fourier"),
-        ({"material.against": {"E": "1 GPa", "nu": 0.3}}, "a layer is pressed by a rigid surface"),
-        ({"material.thickness": "0 um"}, "must be > 0"),
-        ({"material.thickness": "1 MPa"}, "thickness"),
-        ({"material.thickness": ["20 um", "0 um"]}, r"thickness\[1\]: must be > 0"),
-        ({"material.thickness": ["20 um", 30]}, r"thickness\[1\]: either all items have a unit, or none"),
-        ({"material.thickness": ["20 um", "0.02 mm"]}, r"thickness\[1\]: is item 1 of the list again"),
-        ({"material.thickness": ["none", "20 um"], "surface.sides": "free"}, "a layer needs surface.sides: mirrored"),
-        ({"material": {"E_star": "10 MPa", "thickness": "20 um"}}, "material.thickness: excluded by 'E_star'"),
-        ({"material": {"thickness": "20 um"}, "material.thickness": "20 um"}, "material.thickness: needs 'E' and 'nu'"),
-        (
-            {"surface.L": 1.0, "surface.Sq": None, "sweep": {"steps": 3}, "record": {}},
-            "has a unit .20 um. and L has none",
-        ),
-    ],
-)
-def test_refused(keys, words):
-    with pytest.raises(StudyError, match=words):
-        loads(STUDY).changed(**({"material.thickness": "20 um"} | keys))
-
-
 def test_a_layer_thinner_than_a_quarter_of_the_spacing_is_refused_before_the_run(tmp_path):
     with pytest.raises(
         StudyError,

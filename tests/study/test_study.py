@@ -639,11 +639,6 @@ def test_a_name_may_hold_dots(name: str) -> None:
     assert loads(SURFACE + f'\nname: "{name}"\n').name == name
 
 
-@pytest.mark.parametrize("name", [".", "..", ".hidden", "-x", "a/b", ""])
-def test_a_name_that_means_a_folder_or_hides_is_refused(name: str) -> None:
-    assert [problem.key for problem in problems_of(SURFACE + f'\nname: "{name}"\n')] == ["name"]
-
-
 def test_a_stored_study_goes_without_its_files_and_names_no_folder(tmp_path: Path) -> None:
     for name in ("a.npy", "b.npy"):
         np.save(tmp_path / name, np.zeros((3, 3)))
