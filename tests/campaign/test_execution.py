@@ -46,7 +46,7 @@ record:
 """
 FEW = "name: few\nsurface: {D: 2.3, m: 3, seeds: 4}\nsweep: {steps: 3}\n"
 # Long enough to be killed in the midst of, short enough to be finished afterwards.
-LONG = "name: long\nsurface: {D: 2.5, m: 6, seeds: 16}\nsweep: {steps: 100}\n"
+LONG = "name: long\nsurface: {D: 2.5, m: 6, seeds: 16}\nsweep: {steps: 60}\n"
 
 
 @pytest.fixture(scope="module")
@@ -204,17 +204,24 @@ def test_fresh_computes_all_again_to_the_same_values(study: Study, folder: Path)
 
 def test_damaged_and_wrong_case_files_are_computed_again_and_no_other(study: Study, folder: Path) -> None:
     before, values, events = files_of(folder), values_of(folder), Events()
-    truncated, foreign, swapped, gone, *kept = sorted(before)
+    truncated, foreign, swapped, gone, flipped, *kept = sorted(before)
     (folder / "cases" / truncated).write_bytes((folder / "cases" / truncated).read_bytes()[:-100])
     (folder / "cases" / foreign).write_bytes(b"not netCDF")
     shutil.copy(folder / "cases" / kept[0], folder / "cases" / swapped)
     (folder / "cases" / gone).unlink()
+    altered = bytearray((folder / "cases" / flipped).read_bytes())
+    altered[len(altered) // 2] ^= 1
+    (folder / "cases" / flipped).write_bytes(altered)
+    os.utime(folder / "cases" / flipped, ns=(before[flipped],) * 2)  # size and time stay, as where a disk alters a bit
     found = status(study, folder)
-    assert (len(found.done), len(found.missing), len(found.damaged)) == (4, 1, 3)
+    assert (len(found.done), len(found.missing), len(found.damaged)) == (3, 1, 4)
+    assert "has been altered" in found.damaged[flipped.removesuffix(".nc")]
+    assert collect(study, folder).converged.sum() == 3 * 6
     again = run(study, out=folder, jobs=1, on_event=events)
-    bad = {truncated, foreign, swapped}
-    assert sum(any(name in notice for name in bad) for notice in events.notices) == 3
+    bad = {truncated, foreign, swapped, flipped}
+    assert sum(any(name in notice for name in bad) for notice in events.notices) == 4
     assert {path.name for path in (folder / "cases" / "set_aside").glob("*.nc")} == bad
+    assert (folder / "cases" / "set_aside" / flipped).read_bytes() == altered
     xr.testing.assert_identical(values_of(again), values)
     assert {name: files_of(folder)[name] for name in kept} == {name: before[name] for name in kept}
     assert len(status(study, folder).done) == 8

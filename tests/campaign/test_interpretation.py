@@ -8,23 +8,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import roughvol
 from roughvol.campaign import interpretation
-from roughvol.cli import main
 from roughvol.errors import CampaignError, RoughvolWarning
 from roughvol.study import loads
 from tests.campaign.kit import noise
+from tests.kit import call
+
+pytestmark = pytest.mark.usefixtures("here")
 
 UNITS = "surface: {D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}\nmaterial: {E_star: 10 MPa}\n"  # p = p* 0.1 MPa
 BARE = "surface: {D: 2.3, m: 4, seeds: 1, L: 100, Sq: 1}\n"
 HEIGHTS = 1e-6 * noise(0, 9, 9)
-
-
-@pytest.fixture(autouse=True)
-def _empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def _doubts(text: str) -> list[str]:
@@ -89,12 +85,9 @@ def test_each_material_of_a_list_has_its_own_reading_in_check_and_run() -> None:
     text = UNITS.replace("10 MPa", "[10 MPa, 20 MPa]") + "sweep: {steps: 2, to: {pressure: 0.1}}"
     Path("s.yaml").write_text(text, encoding="utf-8")
     for command in (["check", "s.yaml"], ["run", "s.yaml", "--jobs", "1"]):
-        done = CliRunner().invoke(main, command)
-        assert done.exit_code == 0, done.output
-        assert re.findall(r"^warning: .*pressure .* that is (?:about )?(\S+) MPa", done.stderr, re.M) == [
-            "0.01",
-            "0.02",
-        ]
+        done = call(*command)
+        found = re.findall(r"^warning: .*pressure .* that is (?:about )?(\S+) MPa", done.stderr, re.M)
+        assert (done.exit_code, found) == (0, ["0.01", "0.02"])
 
 
 def test_several_surfaces_have_a_range() -> None:

@@ -10,16 +10,17 @@ import pandas as pd
 import pint
 import pytest
 import xarray as xr
-from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
 import roughvol
-from roughvol.cli import main
 from roughvol.errors import CampaignError, DatasetError, RoughvolError, StudyError, SurfaceError
 from roughvol.store.dataset import Dataset
 from roughvol.store.run import study_of
 from roughvol.study import load
 from roughvol.surfaces.midpoint import random_midpoint_displacement
+from tests.kit import said
+
+pytestmark = pytest.mark.usefixtures("here")
 
 PIXEL = 0.5
 MAP = 0.2 * random_midpoint_displacement(2.3, 4, seed=3).heights[:, :13]  # 17 nodes along x, 13 along y, in um
@@ -49,11 +50,6 @@ def _same(one: Dataset, other: Dataset, rtol: float = 1e-9) -> None:
 @pytest.fixture(scope="module")
 def plain() -> Dataset:
     return _pressed(MAP, L="8 um")
-
-
-@pytest.fixture(autouse=True)
-def _empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def _turned(heights: xr.DataArray) -> xr.DataArray:
@@ -235,7 +231,7 @@ def test_run_takes_heights_in_memory_and_keeps_them_beside_its_results(plain: Da
     (id,) = {path.stem for path in Path("runs/kept/cases").glob("*.nc")}
     for again in (load("runs/kept/study.yaml"), study_of("kept")[0]):
         assert again.cases()[0].id == id  # the file of heights is beside the study
-    assert CliRunner().invoke(main, ["status", "kept"]).output.startswith("runs/kept: 1 of 1 cases finished")
+    assert said("status", "kept").startswith("runs/kept: 1 of 1 cases finished")
     before = Path("runs/kept/cases").stat().st_mtime_ns
     roughvol.run(study, jobs=1)
     assert Path("runs/kept/cases").stat().st_mtime_ns == before  # nothing is computed twice

@@ -7,24 +7,23 @@ import shutil
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
 from roughvol.analysis.stored_run import Run
 from roughvol.campaign.execution import collect, run
-from roughvol.cli import main
 from roughvol.errors import CampaignError
 from roughvol.report.run_facts import facts
 from roughvol.store import dataset
 from roughvol.store.run_status import status
 from roughvol.study import loads
 from tests.campaign.kit import Events, files_of, values_of
+from tests.kit import said
 
 TEXT = """
 name: mean
 surface: {D: 2.3, m: 4}
 sweep: {pressures: [0.1, 0.3]}
-ensemble: {accuracy: {free_volume: 8 %}, at: {pressure: [0.1, 0.3]}}
+ensemble: {accuracy: {free_volume: 20 %}, at: {pressure: [0.1, 0.3]}}
 """
 STUDY = loads(TEXT)
 
@@ -57,7 +56,7 @@ def test_the_answer_is_stored_beside_its_cases(finished: Path) -> None:
     assert all(results[name].attrs["units"] for name in results.data_vars)
     answer = results.attrs["answer"]
     assert "mean V* at pressure = 0.1, D = 2.3, m = 4" in answer
-    assert CliRunner().invoke(main, ["show", str(finished)]).stdout.endswith(f"{answer}\n")
+    assert said("show", finished).endswith(f"{answer}\n")
     loading = facts(Run.of("finished", results)).loading
     assert answer.splitlines()[0] in [f"{name}: {text}" for name, text in loading]
 

@@ -18,9 +18,9 @@ from roughvol.campaign import batch, case_surface
 from roughvol.campaign.one_case import Context, Stopped, run_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
-from roughvol.store import checkpoint, dataset, lock, run_folder, stamped_file
+from roughvol.store import checkpoint, lock, run_folder, stamped_file
 from roughvol.store.checkpoint import Checkpoint, packed, unpacked
-from roughvol.store.dataset import Dataset
+from roughvol.store.dataset import answers
 from roughvol.study import ANSWER_FORMAT, Case, loads
 
 TEXT = """
@@ -42,10 +42,6 @@ def case(monkeypatch: pytest.MonkeyPatch) -> Case:
     return loads(TEXT).cases()[0]
 
 
-def _values(results: Dataset) -> Dataset:
-    return dataset.answers(results)
-
-
 def _stop_at(step: int) -> Any:
     def stop(now: int) -> None:
         if now == step:
@@ -54,14 +50,14 @@ def _stop_at(step: int) -> Any:
     return stop
 
 
-@pytest.mark.parametrize("step", [1, 2, 3, 5, 8, 9])
+@pytest.mark.parametrize("step", [1, 5, 9])
 def test_a_case_killed_after_any_step_goes_on_bit_for_bit(case: Case, tmp_path: Path, step: int) -> None:
     undisturbed, path, solved = run_case(case), tmp_path / ".checkpoint", []
     with pytest.raises(KeyboardInterrupt):
         run_case(case, Context(on_step=_stop_at(step), checkpoint=path))
     result = run_case(case, Context(on_step=solved.append, checkpoint=path))
     assert solved == list(range(step, 10))  # the step at which it was killed was not yet kept
-    xr.testing.assert_identical(_values(result), _values(undisturbed))
+    xr.testing.assert_identical(answers(result), answers(undisturbed))
 
 
 def test_a_case_that_is_asked_to_stop_keeps_its_steps(case: Case, tmp_path: Path) -> None:
@@ -71,7 +67,7 @@ def test_a_case_that_is_asked_to_stop_keeps_its_steps(case: Case, tmp_path: Path
             run_case(case, Context(on_step=solved.append, checkpoint=tmp_path / "c", stopping=lambda: True))
     assert solved == list(range(1, 9))
     result = run_case(case, Context(checkpoint=tmp_path / "c"))
-    xr.testing.assert_identical(_values(result), _values(run_case(case)))
+    xr.testing.assert_identical(answers(result), answers(run_case(case)))
 
 
 @pytest.mark.parametrize("kernel", ["love", "punch"])
@@ -117,7 +113,7 @@ def test_nothing_is_unpickled(case: Case, tmp_path: Path) -> None:
 
 def test_a_checkpoint_that_cannot_be_written_stops_nothing(case: Case, tmp_path: Path) -> None:
     kept = run_case(case, Context(checkpoint=tmp_path / "no" / "c"))
-    xr.testing.assert_identical(_values(kept), _values(run_case(case)))
+    xr.testing.assert_identical(answers(kept), answers(run_case(case)))
 
 
 @pytest.mark.parametrize("shared", [True, False])
@@ -167,4 +163,4 @@ def test_a_large_case_killed_in_its_sweep_goes_on_from_there(tmp_path: Path, mon
     assert done.returncode == -9
     result = run_case(case, Context(checkpoint=path, on_step=solved.append))
     assert solved == [5, 6, 7, 8]
-    xr.testing.assert_identical(_values(result), _values(run_case(case)))
+    xr.testing.assert_identical(answers(result), answers(run_case(case)))

@@ -146,16 +146,6 @@ def test_a_gas_changes_neither_contact_nor_closing_nor_other_flows(results: Data
         np.testing.assert_array_equal(plain[name], results[name])
 
 
-def test_only_a_recorded_gas_enters_the_identity_of_a_case() -> None:
-    first, second = (
-        loads(TEXT.replace("outlet: 1 bar", text)).cases()[0] for text in ("outlet: 1 bar", "outlet: 0 Pa")
-    )
-    assert first.id != second.id
-    kilo = loads(TEXT.replace("inlet: 2 bar, outlet: 1 bar", "inlet: 200 kPa, outlet: 0.1 MPa")).cases()[0]
-    assert first.id == kilo.id
-    assert "\nfluid:" not in loads("surface: {D: 2.2, m: 3}").stored()
-
-
 def test_a_file_without_unit_is_refused(tmp_path: Path) -> None:
     np.save(tmp_path / "z.npy", np.random.default_rng(0).random((9, 9)))
     text = TEXT.replace("D: 2.2, m: 5, L: 100 um, Sq: 0.4 um, seeds: 1", "file: z.npy, L: 4")

@@ -32,13 +32,6 @@ def test_a_thick_layer_is_the_half_space_and_a_thin_one_is_stiffer(tmp_path):
     assert thin.contact_area_fraction[-1] < half.contact_area_fraction[-1]
 
 
-def test_units_of_the_thickness_do_not_matter(tmp_path):
-    one, other = (pressed(tmp_path, material__thickness=thickness) for thickness in ("20 um", "0.02 mm"))
-    assert one.attrs["case_ids"] == other.attrs["case_ids"]
-    ids = {loads(STUDY).changed(**{"material.thickness": h}).cases()[0].id for h in (None, "20 um", "21 um")}
-    assert len(ids) == 3
-
-
 @pytest.mark.parametrize("E", ["10 MPa", ["10 MPa", "30 MPa"]])
 def test_a_list_of_layers_has_the_numbers_of_each_layer(tmp_path, E):
     keys, layers = {"material.E": E}, ["20 um", "0.05 mm", "none"]

@@ -57,34 +57,6 @@ def test_every_combination_is_a_case_with_D_and_m() -> None:
     assert made[0].id.startswith("D2.80_m4_s005-")
 
 
-@pytest.mark.parametrize(
-    ("one", "other"),
-    [
-        ("H: 0.8", "D: 2.2"),
-        ("H: 0.8, cut: 16", "H: 0.8"),
-        ("H: 0.8, cut: 10", "H: 0.8, shortest: 0.1"),
-        ("H: 0.8, cut: 10, L: 100 um, Sq: 1 um", "H: 0.8, shortest: 10 um, L: 100 um, Sq: 1000 nm"),
-        ("H: 0.8, cut: 10, L: 100 um", "H: 0.8, cut: 10.0, L: 100, unit: um, Sq: 1"),
-    ],
-)
-def test_the_same_surface_by_other_keys_is_the_same_case(one: str, other: str) -> None:
-    ids = [
-        [case.id for case in cases(f"surface: {{{keys}, rolloff: 2, n: 32, seeds: 1}}\nsweep: {{steps: 0}}")]
-        for keys in (one, other)
-    ]
-    assert ids[0] == ids[1]
-
-
-@pytest.mark.parametrize("change", ["rolloff: 3", "cut: 12", "Sq: 2", "slope: 0.1", "Ssk: 0", "anisotropy: 2",
-                                    "phases: random", "sides: periodic"])  # fmt: skip
-def test_what_changes_the_surface_changes_the_id(change: str) -> None:
-    keys = {"H": "0.8", "rolloff": "2", "n": "32", "seeds": "1"}
-    name, value = change.split(": ")
-    texts = [", ".join(f"{k}: {v}" for k, v in one.items()) for one in (keys, keys | {name: value})]
-    first, second = (cases(f"surface: {{{text}}}\nsweep: {{steps: 0}}")[0].id for text in texts)
-    assert first != second
-
-
 VALUES = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.just("1e-320 pm")
 KEYS = st.sampled_from([*SpectralSurface.model_fields, "m", "file", "midpoint_law", "x"])
 
@@ -209,14 +181,6 @@ def test_the_commands_work_with_a_spectrum(tmp_path: Any) -> None:
 GENERATED = "surface: {D: 2.3, m: 4, seeds: 1, sides: periodic}\n"
 
 
-def test_ids_change_where_a_surface_is_periodic_and_nowhere_else() -> None:
-    free, periodic = cases("surface: {D: 2.3, m: 4, seeds: 1}")[0], cases(GENERATED)[0]
-    assert free.id == cases("surface: {D: 2.3, m: 4, seeds: 1, sides: free}")[0].id
-    assert periodic.id != free.id
-    assert periodic.periodic
-    assert periodic.id != cases(GENERATED + "solver: {kernel: fourier}")[0].id
-
-
 def test_a_periodic_study_reads_back_equal() -> None:
     study = loads(GENERATED + "solver: {kernel: fourier}\nsweep: {to: {free_volume: 0.5}}")
     assert loads(study.to_yaml()) == study
@@ -243,8 +207,6 @@ def test_sides_are_those_given(text: str, tmp_path: Path, monkeypatch: pytest.Mo
         assert loads(study.stored(), stored=True).surface.sides == sides
         assert study.changed(**{"sweep.steps": 3}).surface.sides == sides
         assert study.changed(**{"surface.sides": "mirrored"}).surface.sides == "mirrored"
-    ids = {loads(text % f", sides: {sides}").cases()[0].id for sides in ("free", "mirrored", "periodic")}
-    assert len(ids) == 3
 
 
 def test_a_mirrored_scan_may_be_treated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.study.kit import problems_of
+from tests.study.kit import FIRST, in_full, problems_of, table
 
-FIRST = "surface: {D: 2.3, m: 4}\n"
-STARTS = {  # of the texts of the table
-    "+ ": FIRST,
-    "um+ ": "surface: {D: 2.3, m: 4, L: 100 um, Sq: 1 um}\n",
-    "periodic+ ": "surface: {D: 2.3, m: 4, L: 100 um, Sq: 1 um, sides: periodic}\n",
-}
-TABLE = tomllib.loads((Path(__file__).parent / "refusals.toml").read_text(encoding="utf-8"))
+TABLE = table("refusals.toml")
 LARGE = [  # texts too large for the table
     ("a:\n " + "[" * 5000, 2, "", "nested more than 20 levels deep"),
     (FIRST + "#" * (1 << 20), 0, "", "larger than 1024 KiB"),
@@ -33,9 +25,7 @@ JARGON = ("Input should", "pydantic", "Value error", "validation", "<", "Literal
 )
 def test_a_bad_study_is_refused_with_place_and_advice(row: Sequence[Any], count: int) -> None:
     text, line, key, said = row
-    for start, first in STARTS.items():
-        text = first + text.removeprefix(start) if text.startswith(start) else text
-    problems = problems_of(text)
+    problems = problems_of(in_full(text))
     assert len(problems) == count, problems  # one mistake is one problem
     (found,) = (problem for problem in problems if problem.key == key)
     assert said in found.message

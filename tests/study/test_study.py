@@ -30,7 +30,7 @@ from roughvol.study import (
 )
 from roughvol.study.values.state_kinds import LISTS
 from roughvol.surfaces.body import UNTREATED
-from tests.study.kit import problems_of
+from tests.study.kit import in_full, problems_of, table
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SURFACE = "surface: {D: 2.3, m: 4}\n"
@@ -107,10 +107,6 @@ def test_a_number_is_a_number_however_it_is_written(text: str) -> None:
 def test_accuracy_stands_for_a_tolerance_unless_one_is_given(accuracy: str) -> None:
     assert loads(SURFACE + f"solver: {{accuracy: {accuracy}}}").solver.tolerance == ACCURACY[accuracy]
     assert loads(SURFACE + f"solver: {{accuracy: {accuracy}, rtol: 0.01}}").solver.tolerance == 0.01
-
-
-def test_paper_is_short_for_the_method() -> None:
-    assert loads(SURFACE + "solver: paper") == loads(SURFACE + "solver: {method: paper}")
 
 
 def test_level_labels_differ_where_values_differ() -> None:
@@ -222,8 +218,9 @@ def test_the_resolved_study_reads_back_equal(text: str) -> None:
 
 
 def test_the_resolved_study_names_every_key() -> None:
-    written = yaml.safe_load(loads(SURFACE).to_yaml())
     study = loads(SURFACE)
+    written = yaml.safe_load(study.to_yaml())
+    assert "fluid" not in written.keys() | yaml.safe_load(study.stored()).keys()
     for section in ("surface", "sweep", "solver", "record"):
         assert written[section].keys() == type(getattr(study, section)).model_fields.keys() - {*LISTS, "periodic"}
 
@@ -271,55 +268,21 @@ def test_one_id_is_pinned() -> None:
     assert loads("surface: {D: 2.3, m: 8, seeds: [3]}").cases()[0].id == "D2.30_m8_s003-577831fe"
 
 
-@pytest.mark.parametrize(
-    "extra",
-    [
-        "name: other",
-        "material: {E_star: 7.0}",
-        "material: {E: 2, nu: 0.3}",
-        "solver: {rtol: 1.0e-6}",
-        "sweep: {steps: 60}",
-        "record: {heights: false}",
-        "material: {E_star: 1 Pa}\nrecord: {dimensional: {pressure: MPa}}",
-    ],
-)
-def test_what_does_not_change_the_answer_does_not_change_the_id(extra: str) -> None:
-    assert [case.id for case in loads(SURFACE + extra).cases()] == [case.id for case in loads(SURFACE).cases()]
+IDENTITY = table("identity.toml")
 
 
-@pytest.mark.parametrize("length", ["L: 100 um", "L: 100 m", "Sq: 0.5", "L: 100 um, Sq: 1 nm", "L: 100, unit: mm"])
-def test_neither_units_nor_the_height_of_generated_surfaces_change_the_id(length: str) -> None:
-    study = loads(f"surface: {{D: 2.3, m: 4, {length}}}")
-    assert [case.id for case in study.cases()] == [case.id for case in loads(SURFACE).cases()]
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "surface: {D: 2.3, m: 4, L: 99}",
-        "surface: {D: 2.3, m: 4, midpoint_law: variance}",
-        SURFACE + "sweep: {steps: 30}",
-        SURFACE + "sweep: {steps: 0}",
-        SURFACE + "sweep: {to: summit-plane}",
-        SURFACE + "sweep: {to: {pressure: 1}}",
-        SURFACE + "solver: {accuracy: reference}",
-        SURFACE + "solver: {kernel: punch}",
-        SURFACE + "solver: paper",
-        SURFACE + "record: {heights: true}",
-        SURFACE + "record: {fields_at: last}",
-        SURFACE + "record: {volume_density: {bins: 10}}",
-        SURFACE + "record: {region_widths: {}}",
-        SURFACE + "material: {E_star: 100 GPa, hardness: 2 GPa}",  # what lies above it is stored
-    ],
-)
-def test_what_changes_the_answer_changes_the_id(text: str) -> None:
-    assert not {case.id for case in loads(text).cases()} & {case.id for case in loads(SURFACE).cases()}
-
-
-def test_without_contact_the_solver_is_no_part_of_the_id() -> None:
-    text = SURFACE + "sweep: {steps: 0}\n"
-    assert loads(text).cases()[0].id == loads(text + "solver: {accuracy: draft}").cases()[0].id
-    assert loads(text).cases()[0].id == loads(text + "material: {hardness: 0.1}").cases()[0].id
+@pytest.mark.parametrize("family", IDENTITY)
+def test_what_changes_the_answer_changes_the_id_and_nothing_else(family: str, tmp_path: Path) -> None:
+    for seed, name in enumerate(("z.npy", "b.npy")):
+        np.save(tmp_path / name, np.random.default_rng(seed).normal(size=(12, 12)))
+    seen: set[str] = set()
+    for group in IDENTITY[family]:
+        studies = [loads(in_full(text), tmp_path / "study.yaml") for text in group]
+        assert [loads(study.to_yaml()) for study in studies] == studies
+        first, *others = ({case.id for case in study.cases()} for study in studies)
+        assert others == [first] * len(others), group
+        assert not first & seen, group
+        seen |= first
 
 
 def test_the_id_of_a_height_file_follows_its_content(tmp_path: Path) -> None:
@@ -374,17 +337,6 @@ record: {heights: false, fields_at: null, box_counting: null, volume_density: nu
     study = loads(stored, stored=True)
     assert study.surface.level == "none"
     assert loads(study.stored(), stored=True) == study
-
-
-def test_the_treatment_of_heights_is_part_of_the_id(tmp_path: Path) -> None:
-    np.save(tmp_path / "z.npy", np.zeros((3, 3)))
-    np.save(tmp_path / "b.npy", np.ones((3, 3)))
-    start = "surface: {file: z.npy, L: 2"
-    extras = ["", ", level: mean", ", level: tilt", ", missing: nearest", ", low_pass: 1", ", low_pass: 1.5"]
-    extras += [", against: {file: b.npy}", ", against: {file: b.npy, mirror: x}", ", against: {file: z.npy}"]
-    cases = [loads(start + extra + "}", tmp_path / "study.yaml").cases()[0] for extra in extras]
-    assert len({case.id for case in cases}) == len(extras)
-    assert [case.surface_text == "" for case in cases] == [True] + [False] * (len(extras) - 1)
 
 
 def test_the_id_of_two_bodies_follows_the_content_of_both(tmp_path: Path) -> None:

@@ -75,11 +75,6 @@ def test_a_crop_by_shares_or_by_lengths_keeps_the_nodes_inside(folder: Path, cro
     assert case.id == _case(folder, "file: map.npy, crop: {x: [10 um, 30 um], y: [18 um, 36 um]}").id
 
 
-@pytest.mark.parametrize("L", ["40 um", "0.3 mm", "1.7"])
-def test_a_crop_of_everything_is_no_crop(folder: Path, L: str) -> None:
-    assert _case(folder, "file: map.npy, crop: {x: [0, 1]}", L=L).id == _case(folder, "file: map.npy", L=L).id
-
-
 @settings(max_examples=60, deadline=None)
 @given(st.integers(5, 400), st.lists(st.floats(0.0, 1.0), min_size=4, max_size=4, unique=True))
 def test_a_crop_of_a_crop_lies_in_it(nodes: int, shares: list[float]) -> None:
@@ -219,21 +214,6 @@ def test_the_order_of_all_treatments(folder: Path) -> None:
     text = _case(folder, f"file: spiked.npy, {keys}, low_pass: 8 um").surface_text
     steps = ["cropped to", "removed", "means of 2 x 2", "least-squares tilt", "missing heights", "waves shorter"]
     assert [text.index(step) for step in steps] == sorted(text.index(step) for step in steps)
-
-
-def test_each_treatment_is_part_of_the_id_and_survives_the_resolved_study(folder: Path) -> None:
-    extras = ["", ", crop: {x: [0, 0.5]}", ", crop: {x: [0, 0.5], y: [0, 0.5]}", ", downsample: 2", ", downsample: 3"]
-    extras += [", outliers: {}", ", outliers: {sigma: 7}", ", outliers: {window: 7}"]
-    ids = set()
-    for extra in extras:
-        study = loads(f"surface: {{file: map.npy, L: 40 um{extra}}}", folder / "study.yaml")
-        assert loads(study.to_yaml()) == study
-        (case,) = study.cases()
-        (again,) = loads(study.to_yaml()).cases()
-        assert case == again
-        assert (case.surface_text == "") == (extra == "")
-        ids.add(case.id)
-    assert len(ids) == len(extras)
 
 
 # Two bodies
