@@ -205,9 +205,7 @@ def test_a_narrow_limit_is_told_in_one_line_before_any_library_is_loaded(study: 
     assert line.startswith("error: not enough memory: the limit of address space is ")
 
 
-def test_a_limit_too_narrow_for_a_case_is_told_before_it_starts(
-    study: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_limit_too_narrow_for_a_case_is_told(study: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine, "address_space", lambda: machine.needed_space() + 1e6)
     for command in (["check", study], ["run", study, "--out", tmp_path / "out"]):
         done = call(*command)
@@ -243,9 +241,7 @@ def test_without_a_limit_nothing_is_refused(tmp_path: Path, monkeypatch: pytest.
     cost.check_fits(loads(TEXT).cases(), [], tmp_path / "nowhere" / "yet")
 
 
-def test_a_folder_with_a_name_too_long_is_refused_in_one_line(
-    study: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_name_too_long_is_refused_in_one_line(study: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / ("a" * 300)
     sizes = {tmp_path.stat().st_ino: 5e9}  # of the folder alone: other processes write to the disk
     monkeypatch.setattr("shutil.disk_usage", lambda place: SimpleNamespace(free=sizes[Path(place).stat().st_ino]))

@@ -94,7 +94,7 @@ def test_the_place_changes_no_bit_and_no_progress(
     assert sum(bool(event.event) for event in events) == 8
 
 
-def test_a_run_that_is_stopped_keeps_its_cases_and_is_finished_later(
+def test_a_run_that_is_stopped_is_finished_later(
     place: dict[str, Any], study: Study, finished: Path, tmp_path: Path
 ) -> None:
     events = Events()
@@ -126,7 +126,7 @@ def test_a_failing_case_is_named_and_costs_no_other(place: dict[str, Any], tmp_p
     assert collect(study, tmp_path).sizes["seed"] == 2
 
 
-def test_a_callback_that_raises_ends_the_run_and_finished_cases_stay(
+def test_a_callback_that_raises_ends_the_run_and_keeps_cases(
     place: dict[str, Any], study: Study, tmp_path: Path
 ) -> None:
     def stop(progress: batch.Progress) -> None:
@@ -162,9 +162,7 @@ def test_one_job_and_short_runs_are_computed_here(
     assert told == [expected]
 
 
-def test_cores_that_memory_leaves_over_work_inside_the_convolutions(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_cores_left_over_by_memory_work_in_convolutions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cost, "limited", lambda *_: (1, "memory for one process"))
     given = []
     monkeypatch.setattr(
@@ -314,9 +312,7 @@ def test_a_folder_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
         run(loads(FEW), out=tmp_path / "file")
 
 
-def test_a_long_case_that_is_asked_to_stop_is_finished_by_the_next_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_long_case_that_stops_is_finished_by_the_next_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checkpoint, "NODES", 0)
     study, asked, out = loads(FEW.replace("seeds: 4", "seeds: 1")), itertools.count(), tmp_path / "run"
     (case,) = study.cases()

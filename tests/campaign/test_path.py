@@ -154,9 +154,7 @@ LEAKING = f"record: {{transport: {{transmissivity: every-step}}, dimensional: {{
         ("", "}\nsolver: {accuracy: reference", 1e-2, 2e-5),
     ],
 )
-def test_a_sweep_ends_where_the_leak_rate_has_fallen_to_the_value(
-    axis: str, more: str, value: float, rtol: float
-) -> None:
+def test_a_sweep_ends_at_the_value_of_a_leak_rate(axis: str, more: str, value: float, rtol: float) -> None:
     surface = UNITS.replace("10 MPa}", f"10 MPa{more}}}")
     ds = _stored(f"{surface}{LEAKING}sweep: {{steps: 3, to: {{leak_rate{axis}: {value} mm^3/s}}}}\n")
     followed = (ds.leak_rate.sel(axis=axis[1:]) if axis else ds.leak_rate.max("axis")).values
@@ -233,9 +231,7 @@ def test_one_leg_in_a_list_is_the_sweep_with_its_number() -> None:
         "equal: pressure}]\n",
     ],
 )
-def test_a_path_goes_on_from_its_checkpoint_with_the_same_bits(
-    sweep: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_path_goes_on_with_the_same_bits(sweep: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checkpoint, "NODES", 1)
     monkeypatch.setattr(checkpoint, "EVERY", 0.0)
     case = case_of(PLAIN + sweep)
@@ -252,9 +248,7 @@ def test_a_path_goes_on_from_its_checkpoint_with_the_same_bits(
     ("to", "name", "value"),
     [("{separation: 3}", "separation", 3.0), ("{indentation: 0}", "indentation", 0.0)],
 )
-def test_a_leg_may_lose_contact_and_the_next_one_find_it(
-    periodic: str, hardness: str, to: str, name: str, value: float
-) -> None:
+def test_a_leg_may_lose_contact_and_find_it(periodic: str, hardness: str, to: str, name: str, value: float) -> None:
     up = "{steps: 2, to: {pressure: 0.2}}"
     data = solved(
         f"surface: {{D: 2.3, m: 4, L: 1, seeds: [1], periodic: {periodic}}}\n"

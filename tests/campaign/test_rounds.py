@@ -64,7 +64,7 @@ def test_the_answer_is_stored_beside_its_cases(finished: Path) -> None:
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.parametrize("place", ["here", "cluster"])
-def test_no_number_depends_on_the_workers_or_on_an_interruption(
+def test_workers_and_breaks_change_no_number(
     place: str, finished: Path, cases: Path, request: pytest.FixtureRequest
 ) -> None:
     for path in sorted((cases / "cases").glob("*.nc"))[::3]:

@@ -117,9 +117,7 @@ def test_a_checkpoint_that_cannot_be_written_stops_nothing(case: Case, tmp_path:
 
 
 @pytest.mark.parametrize("shared", [True, False])
-def test_a_worker_elsewhere_writes_checkpoints_only_into_the_folder_of_its_run(
-    case: Case, tmp_path: Path, shared: bool
-) -> None:
+def test_a_worker_writes_checkpoints_only_into_its_run(case: Case, tmp_path: Path, shared: bool) -> None:
     def run_task(path: Path, mark: str) -> None:
         task = batch.Task(case, Context(checkpoint=path), mark, ANSWER_FORMAT)
         batch.run_task(task, lambda message: None, lambda: False)

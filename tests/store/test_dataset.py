@@ -259,9 +259,7 @@ def test_the_stamp_names_the_case_in_full(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left"), KeyboardInterrupt()], ids=["disk", "ctrl-c"])
-def test_interrupted_write_leaves_what_was_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
-) -> None:
+def test_a_broken_write_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
     dataset.write(_build(), tmp_path / "a.nc")
     before = (tmp_path / "a.nc").read_bytes()
 

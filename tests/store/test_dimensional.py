@@ -163,9 +163,7 @@ def test_without_Sq_the_heights_are_those_of_the_generator_in_the_unit_of_L(resu
 # Heights scaled to an Sq
 
 
-def test_scaled_heights_are_those_of_a_surface_that_is_rougher(
-    plain: list[Dataset], results: Dataset, tmp_path: Path
-) -> None:
+def test_scaled_heights_are_those_of_a_rougher_surface(plain: list[Dataset], results: Dataset, tmp_path: Path) -> None:
     scaled = _collected(plain[:1], loads((TEXT + WANTED).replace("L: ", "Sq: 0.7 um, L: ")))
     heights = scaled.heights.isel(D=0, m=0, seed=0).transpose("x", "y").values
     np.save(tmp_path / "z.npy", heights)

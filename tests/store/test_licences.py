@@ -149,9 +149,7 @@ def test_every_library_beside_a_needed_package_is_a_part_and_known(rows: list[li
     assert [row.name for row in needed if row.terms == licences.UNKNOWN] == []
 
 
-def test_the_command_prints_what_the_function_returns(
-    rows: list[licences.Licence], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_prints_the_licences(rows: list[licences.Licence], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(roughvol, "licences", lambda: rows)
     answer = json.loads(said("licences", "--json"))["rows"]
     assert [(row["name"], row["licence"], row["parts"], row["terms"]) for row in answer] == [

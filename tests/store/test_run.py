@@ -74,7 +74,7 @@ CHANGES = (
     ("command", "old", "new", "difference"),
     [(command, *CHANGES[0]) for command in COMMANDS] + [(COMMANDS[0], *change) for change in CHANGES[1:]],
 )
-def test_a_changed_study_file_does_not_get_the_numbers_of_the_old_one(
+def test_a_changed_study_has_no_old_numbers(
     place: Path, command: list[str], old: str, new: str, difference: str
 ) -> None:
     Path("tiny.yaml").write_text(TEXT.replace(old, new), encoding="utf-8")
@@ -99,9 +99,7 @@ def test_a_run_opens_by_its_name_without_its_height_file(place: Path, run: str) 
 
 
 @pytest.mark.parametrize("run", ["tiny", "runs/tiny", "runs/tiny/study.nc", "tiny.yaml"])
-def test_an_interrupted_extension_is_not_shown_as_finished(
-    place: Path, monkeypatch: pytest.MonkeyPatch, run: str
-) -> None:
+def test_an_interrupted_extension_is_not_shown(place: Path, monkeypatch: pytest.MonkeyPatch, run: str) -> None:
     Path("tiny.yaml").write_text(TEXT.replace("seeds: 1", "seeds: 3"), encoding="utf-8")
     asked = iter([False, False, True])
     with pytest.raises(KeyboardInterrupt):

@@ -102,9 +102,7 @@ def test_the_lock_of_another_machine_is_respected(study: Study, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("birth", ["", "1"])
-def test_without_locks_of_the_system_the_process_decides(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, birth: str
-) -> None:
+def test_without_system_locks_the_process_decides(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, birth: str) -> None:
     monkeypatch.setattr(lock, "fcntl", None)
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
@@ -171,9 +169,7 @@ def _refuse_work(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(execution, "Batch", never)
 
 
-def test_a_new_version_keeps_everything_and_computes_nothing(
-    study: Study, place: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_new_version_computes_nothing_anew(study: Study, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = files_of(place)
     for module in (stamped_file, inventory, provenance):
         monkeypatch.setattr(module, "__version__", "99.1.2")
@@ -185,9 +181,7 @@ def test_a_new_version_keeps_everything_and_computes_nothing(
     assert not (place / "cases" / "set_aside").exists()
 
 
-def test_mixed_versions_are_noted_by_run_and_status_and_stored(
-    study: Study, place: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_mixed_versions_are_noted_and_stored(study: Study, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     _relabelled(next((place / "cases").glob("*.nc")), version="0.0.1")
     (place / "study.nc").unlink()
     _refuse_work(monkeypatch)
@@ -200,7 +194,7 @@ def test_mixed_versions_are_noted_by_run_and_status_and_stored(
 
 
 @pytest.mark.parametrize("named", [True, False])  # whether the old files name their answer format
-def test_answers_of_an_older_format_are_set_aside_with_that_word_and_computed_anew(
+def test_older_answers_are_computed_anew(
     study: Study, place: Path, monkeypatch: pytest.MonkeyPatch, named: bool
 ) -> None:
     before = files_of(place)
@@ -269,9 +263,7 @@ def test_variables_of_a_later_version_are_left_out(study: Study, place: Path, mo
 
 
 @pytest.mark.parametrize("axis", ["D", "seeds"])
-def test_a_subset_of_a_stored_study_is_collected_by_run_and_status_agrees(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, axis: str
-) -> None:
+def test_a_subset_of_a_stored_study_is_collected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, axis: str) -> None:
     text = "name: s\nsurface: {D: [2.3, 2.6], m: 2, seeds: 2}\nsweep: {steps: 2}\n"
     whole, part = (
         loads(text),
@@ -299,9 +291,7 @@ def test_run_and_status_refuse_another_study_in_the_same_words(place: Path, old:
     assert refused("run", path, "--out", place) == f"error: {same.value}\n"
 
 
-def test_a_run_that_finds_nothing_to_do_leaves_results_newer_than_the_study(
-    place: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_with_nothing_to_do_leaves_newer_results(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = _written(place.parent, TEXT)
     old = (place / "study.nc").read_bytes()
     for name in ("study.nc", "study.yaml"):
@@ -349,9 +339,7 @@ def test_a_stored_study_is_read_without_its_height_file(tmp_path: Path) -> None:
         study.cases()
 
 
-def test_a_height_file_that_was_moved_or_named_by_its_absolute_path_is_the_same_study(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_height_file_that_was_moved_is_the_same_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     _clone(tmp_path / "one", tmp_path / "out")
     before = files_of(tmp_path / "out")
     path = tmp_path / "one" / "map.yaml"
@@ -366,9 +354,7 @@ def test_a_height_file_that_was_moved_or_named_by_its_absolute_path_is_the_same_
 
 
 @pytest.mark.parametrize("stamped", [True, False])
-def test_a_study_nc_that_is_not_as_written_is_never_parsed_but_made_again(
-    study: Study, place: Path, finished: Path, stamped: bool
-) -> None:
+def test_an_altered_study_nc_is_made_again_unparsed(study: Study, place: Path, finished: Path, stamped: bool) -> None:
     content = bytearray((place / "study.nc").read_bytes())
     content[60 : len(content) // 2] = np.random.default_rng(4).bytes(len(content) // 2 - 60)
     content = content if stamped else content[: content.rindex(b'{"case"')]
@@ -493,9 +479,7 @@ def slow_machine(monkeypatch: pytest.MonkeyPatch) -> None:
         (200, "heights: true", "the results need up to 215 GB of disk, 79 GB are free"),
     ],
 )
-def test_what_does_not_fit_is_refused_by_check_and_run_before_anything_is_written(
-    tmp_path: Path, seeds: int, what: str, words: str
-) -> None:
+def test_what_does_not_fit_is_refused_and_nothing_written(tmp_path: Path, seeds: int, what: str, words: str) -> None:
     text = f"name: big\nsurface: {{D: 2.4, m: 13, seeds: {seeds}}}\nsweep: {{steps: 60}}\nrecord: {{{what}}}\n"
     path = _written(tmp_path, text)
     out = [f"--out={tmp_path / 'out'}"]  # of `run`
@@ -594,7 +578,7 @@ def test_a_folder_that_vanishes_while_a_long_case_runs_ends_the_run_at_once(tmp_
         execution.run(study, out=tmp_path / "run", jobs=1, on_event=vanish)
 
 
-def test_a_note_of_a_killed_run_is_stale_and_removed_also_where_nothing_is_left_to_do(
+def test_the_note_of_a_killed_run_is_stale_and_removed(
     study: Study, place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (place / "progress.json").write_text(json.dumps({"running": [study.cases()[0].id], "left": 5.0}))

@@ -13,6 +13,7 @@ from roughvol.campaign import case_surface, interpretation
 from roughvol.errors import StudyError
 from roughvol.study import Case, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
+from tests.study.kit import table
 
 HEIGHTS = random_midpoint_displacement(2.3, 2, seed=1).heights  # 5 x 5
 X, Y = (axis.ravel() for axis in np.indices(HEIGHTS.shape))
@@ -40,25 +41,7 @@ def _case(folder: Path, surface: str) -> Case:
     return case
 
 
-@pytest.mark.parametrize(
-    ("surface", "key", "said"),
-    [
-        ("file: full.txt, L: 100 nm", "surface.L", r"is 100 nm, but .*full\.txt gives 100 um \(line 1 \(# Width: 125"),
-        ("file: full.txt, L: 0.1", "surface.L", r"is 0\.1 um, but .* gives 100 um"),
-        ("file: full.txt, L: 125 um", "surface.L", r"gives 100 um .*between the outer of its 5 nodes, 4 pixels"),
-        ("file: full.txt, heights_unit: um", "surface.heights_unit", r"is um, but .*full\.txt has heights in nm"),
-        ("file: named.txt, L: 1 um, heights_unit: um", "surface.heights_unit", "is um, but .* has heights in nm"),
-        ("file: named.txt, L: 1", "surface.L", r"has no unit, and the heights of named\.txt are in nm"),
-        ("file: points.xyz, L: 10", "surface.L", r"is 10, but .*points\.xyz gives 100 \(its coordinates\)"),
-        ("file: points.xyz, L: 100, heights_unit: nm", "surface.L", "has no unit, and the heights of"),
-        ("file: points.xyz, heights_unit: nm", "surface.unit", "has no unit of its coordinates"),
-        ("file: lateral.csv", "surface.heights_unit", "missing: .* has coordinates in um, and no unit of its h"),
-        ("file: bare.npy, L: 10, heights_unit: nm", "surface.L", "has no unit, and the heights of bare"),
-        ("file: bare.npy, L: 1, against: {file: bare.npy, heights_unit: nm}", "surface.unit", "does not give its unit"),
-        ("file: full.txt, header: ignore", "surface.L", "missing: .*full.txt does not give the length"),
-        ("file: full.txt, against: {file: full.txt, heights_unit: m}", "surface.against.heights_unit", "heights in nm"),
-    ],
-)
+@pytest.mark.parametrize(("surface", "key", "said"), table("refusals_of_maps.toml")["agreement"])
 def test_a_file_and_a_study_that_do_not_agree_are_refused(folder: Path, surface: str, key: str, said: str) -> None:
     with pytest.raises(StudyError, match=said) as caught:
         _case(folder, surface)
@@ -89,9 +72,7 @@ def test_a_file_and_a_study_that_do_not_agree_are_refused(folder: Path, surface:
         ("file: full.txt, L: 7 nm, header: ignore, heights_unit: 0.5 pm", 7.0, "nm", 0.5e-3),
     ],
 )
-def test_lengths_and_heights_come_in_one_unit(
-    folder: Path, surface: str, L: float, unit: str | None, scale: float
-) -> None:
+def test_heights_come_in_the_unit_of_L(folder: Path, surface: str, L: float, unit: str | None, scale: float) -> None:
     case = _case(folder, surface)
     assert (case.L, case.length_unit) == (pytest.approx(L, rel=1e-12), unit)
     np.testing.assert_allclose(case_surface.surface_of(case).heights, scale * HEIGHTS, rtol=1e-12)

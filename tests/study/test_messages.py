@@ -59,9 +59,7 @@ def test_explain_gives_the_area_of_a_load(name: str) -> None:
 
 
 @pytest.mark.parametrize(("periodic", "excess"), [(False, (33 / 32) ** 2), (True, 1.0)])
-def test_a_load_is_the_nominal_pressure_times_the_area_of_all_elements(
-    tmp_path: Path, periodic: bool, excess: float
-) -> None:
+def test_a_load_is_the_pressure_times_the_area_of_all_elements(tmp_path: Path, periodic: bool, excess: float) -> None:
     text = (
         f"surface: {{D: 2.3, m: 5, seeds: 1, L: 1 mm, Sq: 1 um, sides: {'periodic' if periodic else 'free'}}}\n"
         "material: {E_star: 10 MPa}\nsweep: {steps: 2, to: {load: 0.02 N}}\nrecord: {dimensional: {pressure: MPa}}"

@@ -225,9 +225,7 @@ def test_the_resolved_study_names_every_key() -> None:
         assert written[section].keys() == type(getattr(study, section)).model_fields.keys() - {*LISTS, "periodic"}
 
 
-def test_a_height_file_is_found_beside_the_study_and_written_absolute(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_height_file_is_found_beside_its_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / "deep"
     folder.mkdir()
     np.save(folder / "z.npy", np.zeros((3, 3)))
@@ -368,9 +366,7 @@ def test_lengths_of_a_measured_surface_come_in_one_unit(tmp_path: Path) -> None:
     )
 
 
-def test_without_the_extra_files_of_instruments_are_refused_with_its_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_files_of_instruments_need_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     (tmp_path / "scan.al3d").touch()
     with pytest.raises(StudyError) as caught:
