@@ -106,7 +106,7 @@ def test_the_mean_of_a_quantity_of_the_void_is_stored(tmp_path: Path) -> None:
     text = (
         "surface: {D: 2.3, m: 3}\nsweep: {steps: 4, to: percolation}\nrecord: {transport: {percolation: every-step}}\n"
     )
-    asked = "ensemble: {accuracy: {percolation_pressure: 20 %}}"
+    asked = "ensemble: {accuracy: {percolation_pressure: 40 %}}"
     results = run(loads(text + asked), out=tmp_path, jobs=1)
     closing = results.sel(ensemble_at="percolation")
     assert float(closing.percolation_pressure_interval.diff("bound").item()) > 0.0
@@ -145,7 +145,7 @@ def test_a_step_that_reaches_a_state_to_the_tolerance_is_that_state(missed: floa
 
 def test_an_ensemble_at_listed_loads_has_a_mean_there(tmp_path: Path) -> None:
     text = (
-        "surface: {D: 2.3, m: 4}\nsweep: {pressures: [0.2, 0.4]}\n"
+        "surface: {D: 2.3, m: 3}\nsweep: {pressures: [0.2, 0.4]}\n"
         "record: {transport: {transmissivity: every-step}}\n"
         "ensemble: {accuracy: {transmissivity: 20 %}, at: {pressure: [0.2]}}"
     )
