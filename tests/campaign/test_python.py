@@ -100,6 +100,10 @@ def test_changes_are_those_of_the_file() -> None:
         ("surface.D.x=3", "surface.D is no mapping"),
         ("surface.D[0]=3", "surface.D is no list"),
         ("surface.m=[1", "not YAML"),
+        ("surfaces.m=5", "--set: surfaces: unknown key"),
+        ("material.layer.thickness=1 um", "--set: material.layer: unknown key"),
+        ("seal.lenght=1 mm", "--set: seal.lenght: unknown key"),
+        ("seal.length=3 mm", "--set: seal.width: missing"),
     ],
 )
 def test_a_change_without_meaning_is_refused(change: str, part: str) -> None:

@@ -18,11 +18,11 @@ from roughvol.campaign.validity import LIMITS, Finding, Setting
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve, sweep
 from roughvol.observables import pressures, reduction
-from roughvol.store import checkpoint, dataset, dimensional
+from roughvol.store import checkpoint, dataset
 from roughvol.store.dataset import Dataset
 from roughvol.study import Level, load, loads
 from roughvol.surfaces.surface import Surface
-from tests.campaign.kit import case_of, solved
+from tests.campaign.kit import case_of, collected, solved
 from tests.kit import call
 from tests.observables.kit import reduced
 
@@ -37,14 +37,12 @@ GAS = "fluid: {{gas: helium, inlet: {}, outlet: {}}}\nrecord: {{transport: {{gas
 HARD = ("contact_above_hardness_fraction", "load_above_hardness_fraction")
 
 
-def _collected(text: str) -> Dataset:
-    study = loads(text)
-    parts = [run_case(case) for case in study.cases()]
-    return dimensional.in_units(dataset.combine(parts, {}), study, study.cases()[0].length_unit)
+def _computed(text: str) -> Dataset:
+    return collected(loads(text))
 
 
 def _after(text: str) -> dict[str, Finding]:
-    return {found.key: found for found in validity.after(validity.setting(loads(text)), _collected(text))}
+    return {found.key: found for found in validity.after(validity.setting(loads(text)), _computed(text))}
 
 
 def _before(text: str) -> dict[str, Finding]:
@@ -100,7 +98,7 @@ def test_a_harder_metal_yields_less_and_a_very_hard_one_nowhere() -> None:
 def test_where_pressures_end_at_the_hardness_yield_is_stored_and_no_warning_given() -> None:
     text = SMALL + METAL.replace(", plastic: false", "")
     assert "hardness" not in _before(text) | _after(text)
-    results = _collected(text)
+    results = _computed(text)
     assert not set(HARD) & set(results.data_vars)
     assert (results.plastic_volume.isel(step=-1) > 0.0).all()
     assert (results.plastic_area_fraction.isel(step=-1) <= results.contact_area_fraction.isel(step=-1)).all()
@@ -112,7 +110,7 @@ def test_without_a_hardness_nothing_is_stored_of_it() -> None:
 
 def test_shares_of_a_scaled_surface_are_those_of_one_that_has_these_heights(tmp_path: Path) -> None:
     text = ONE + METAL.replace("1 GPa", "8 GPa")
-    scaled = _collected(text + "record: {heights: true}").isel(D=0, m=0, seed=0)
+    scaled = _computed(text + "record: {heights: true}").isel(D=0, m=0, seed=0)
     np.save(tmp_path / "z.npy", scaled.heights.transpose("x", "y").values)
     file = text.replace("D: 2.3, m: 4, seeds: [1],", "file: z.npy, sides: free,").replace(", Sq: 0.5 um", "")
     pressed = run_case(case_of(file, tmp_path / "s.yaml"))
@@ -122,7 +120,7 @@ def test_shares_of_a_scaled_surface_are_those_of_one_that_has_these_heights(tmp_
 
 
 def test_a_run_names_the_shares_of_contact_and_load_above_the_hardness() -> None:
-    found, results = _after(SMALL + METAL)["hardness"], _collected(SMALL + METAL)
+    found, results = _after(SMALL + METAL)["hardness"], _computed(SMALL + METAL)
     highest, beyond = int(results.mean_pressure.values.argmax()), results[HARD[1]] > LIMITS["hardness"].value
     for name in HARD:
         assert f"{100 * results[name].values.ravel()[highest]:.3g} %" in found.sentence
@@ -195,7 +193,7 @@ def test_slope_is_judged_where_heights_and_lengths_have_one_scale() -> None:
         found = _after(text)["slope"]
         assert "slope" in _before(text)
         assert (found.extent.cases, found.extent.of_cases) == (3, 3)
-        assert f"{_collected(text).Sdq.max().item():.2g} on 3 of 3 surfaces" in found.sentence
+        assert f"{_computed(text).Sdq.max().item():.2g} on 3 of 3 surfaces" in found.sentence
     flat = raw.replace("L: 5", "L: 5 um, Sq: 10 nm")
     assert "slope" not in _before(flat) | _after(flat)
 

@@ -375,8 +375,7 @@ def test_many_files_set_aside_are_told_of_in_few_lines(tmp_path: Path) -> None:
     many = loads("name: small\nsurface: {D: 2.4, m: 1, seeds: 15}\nsweep: {steps: 1}\n")
     execution.run(many, out=tmp_path, jobs=1)
     for path in (tmp_path / "cases").glob("*.nc"):
-        content, labels = stamped_file.verified(path)
-        stamped_file.store(path, stamped_file.stamped(content, labels | {"key": "0"}))
+        _relabelled(path, key="0")
     told = _notices(many, tmp_path)
     assert len(told) == inventory.NAMED + 1
     assert "is of another study: '0'" in told[0]

@@ -13,12 +13,11 @@ from roughvol.analysis import read_off as ask
 from roughvol.analysis.leak_budget import card_of
 from roughvol.campaign import card as card_runs
 from roughvol.campaign import execution
-from roughvol.campaign.one_case import run_case
 from roughvol.errors import StudyError
 from roughvol.gap.gas import plate_flow
-from roughvol.store import dataset, dimensional
 from roughvol.store.dataset import Dataset
-from roughvol.study import Fluid, Level, Study, loads, throughput
+from roughvol.study import Fluid, Level, loads, throughput
+from tests.campaign.kit import collected
 
 TEXT = """
 name: gas
@@ -38,18 +37,13 @@ def fluid(text: str) -> Fluid:
     return made
 
 
-def made(text: str) -> Dataset:
-    study = loads(text)
-    return collected(study, [run_case(case) for case in study.cases()])
-
-
-def collected(study: Study, parts: list[Dataset]) -> Dataset:
-    return dimensional.in_units(dataset.combine(parts, {}), study, study.cases()[0].length_unit)
+def computed(text: str) -> Dataset:
+    return collected(loads(text))
 
 
 @pytest.fixture(scope="module")
 def results() -> Dataset:
-    return made(TEXT)
+    return computed(TEXT)
 
 
 @pytest.mark.parametrize(
@@ -116,7 +110,7 @@ def test_the_leak_of_a_stored_gap_is_the_throughput_of_plates_times_its_coeffici
 
 
 def test_plates_far_apart_pass_what_viscous_flow_passes() -> None:
-    wide = made(TEXT.replace("Sq: 0.4 um, ", "Sq: 4 mm, ").replace("L: 100 um", "L: 1 m"))
+    wide = computed(TEXT.replace("Sq: 0.4 um, ", "Sq: 4 mm, ").replace("L: 100 um", "L: 1 m"))
     assert_allclose(wide.gas_transmissivity.sel(axis="x"), wide.transmissivity.sel(axis="x"), rtol=1e-2)
 
 
@@ -128,7 +122,7 @@ def test_helium_and_air_differ_by_viscosity_in_wide_gaps_and_by_molar_mass_in_na
     ):
         text = TEXT.replace("Sq: 0.4 um", f"Sq: {Sq}").replace("L: 100 um", f"L: {L}")
         slip = text.replace("outlet: 1 bar", "outlet: 1 bar, law: slip")
-        light, heavy = (made(slip.replace("helium", gas)).gas_leak_rate for gas in ("helium", "air"))
+        light, heavy = (computed(slip.replace("helium", gas)).gas_leak_rate for gas in ("helium", "air"))
         assert_allclose((light / heavy).sel(axis=["x", "y"]), ratio, rtol=rtol)
 
 
@@ -136,7 +130,7 @@ def test_a_gas_changes_neither_contact_nor_closing_nor_other_flows(results: Data
     without = TEXT.replace("fluid: {gas: helium, inlet: 2 bar, outlet: 1 bar}\n", "").replace(
         ", gas_flow: every-step", ""
     )
-    plain = made(without.replace(", gas_leak_rate: mbar*l/s", ""))
+    plain = computed(without.replace(", gas_leak_rate: mbar*l/s", ""))
     for name in ("contact_area_fraction", "mean_pressure", "transmissivity", "percolates", "critical_gap"):
         np.testing.assert_array_equal(plain[name], results[name])
 

@@ -94,8 +94,3 @@ def test_a_value_of_set_that_does_not_fit_the_surface_is_placed_at_set(tmp_path:
     study = loads(text, file=tmp_path / "study.yaml", changes=["material.thickness=1 um"])
     with pytest.raises(StudyError, match=r"^--set: material\.thickness: the layer has a thickness of"):
         check_surfaces(study)
-
-
-def test_a_key_missing_in_a_section_of_set_is_placed_at_set() -> None:
-    with pytest.raises(StudyError, match=r"--set: seal\.width: missing"):
-        loads("surface: {D: 2.2, m: 3, L: 1 mm}", changes=["seal.length=3 mm"])
