@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from roughvol.campaign import execution, validity
 from roughvol.campaign.case_surface import surface_of
@@ -17,14 +17,13 @@ from roughvol.campaign.one_case import run_case
 from roughvol.campaign.validity import LIMITS, Finding, Setting
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve, sweep
-from roughvol.observables import pressures, reduction
-from roughvol.store import checkpoint, dataset
+from roughvol.observables import pressures
+from roughvol.store import dataset
 from roughvol.store.dataset import Dataset
 from roughvol.study import Level, load, loads
 from roughvol.surfaces.surface import Surface
 from tests.campaign.kit import case_of, collected, solved
 from tests.kit import call
-from tests.observables.kit import reduced
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SMALL = "surface: {D: 2.3, m: 4, seeds: 2, L: 50 um, Sq: 0.5 um}\nsweep: {steps: 4, to: {contact_area: 0.1}}\n"
@@ -138,24 +137,6 @@ def test_the_share_foreseen_is_that_of_the_distribution_of_pressure() -> None:
     contact, load = density[p > 0.06].sum() / density.sum(), (p * density)[p > 0.06].sum() / (p * density).sum()
     assert f"about {100 * contact:.3g} % of the contact" in sentence
     assert f"{100 * load:.3g} % of the load" in sentence
-
-
-def test_shares_survive_a_checkpoint() -> None:
-    case = case_of(ONE + METAL)
-    surface = surface_of(case)
-    half_space = HalfSpace(surface.shape)
-    states = list(sweep(surface, half_space, 2.0 * np.arange(1, 5) / 4))
-    whole = reduced(case, states)
-    for kept in (2, 4):  # also after the last step
-        first, second = (reduction.Reduction(case, surface, half_space) for _ in range(2))
-        for state in states[:kept]:
-            first.follow(state)
-        last_two = [state.state() for state in states[kept - 2 : kept]]
-        second.restore(checkpoint.unpacked(checkpoint.packed(first.state())), last_two)
-        for state in states[kept:]:
-            second.follow(state)
-        for name in (*HARD, "central_pressure_ratio"):
-            assert_array_equal(second.values()[name], whole[name])
 
 
 # Which studies exceed which limit

@@ -81,19 +81,17 @@ def test_a_leak_rate_is_the_flow_through_the_stored_gap(results: Dataset) -> Non
     one = results.isel(D=0, m=0, seed=0)
     gap = one.gap.isel(field_at=0).transpose("x", "y").values * float(one.Sq) * 1e-6
     k = gap**3 / (12 * 3e-3)
-    rows, columns = k.shape
-    number = np.arange(k.size).reshape(k.shape)
-    matrix, load, inlet = np.zeros((k.size, k.size)), np.zeros(k.size), np.zeros(k.size)
-    pairs = [(number[i, j], number[i + 1, j]) for i in range(rows - 1) for j in range(columns)]
-    pairs += [(number[i, j], number[i, j + 1]) for i in range(rows) for j in range(columns - 1)]
-    flat = k.ravel()
-    for a, b in pairs:
+    number, flat = np.arange(k.size).reshape(k.shape), k.ravel()
+    first = np.append(number[:-1], number[:, :-1])
+    second = np.append(number[1:], number[:, 1:])
+    matrix, inlet = np.zeros((k.size, k.size)), np.zeros(k.size)
+    for a, b in zip(first, second, strict=True):
         w = 2 * flat[a] * flat[b] / (flat[a] + flat[b]) if flat[a] * flat[b] > 0 else 0.0
         matrix[[a, b], [a, b]] += w
         matrix[[a, b], [b, a]] -= w
     inlet[number[0]] = 2 * flat[number[0]]
-    matrix[number[0], number[0]] += 2 * flat[number[0]]
-    matrix[number[-1], number[-1]] += 2 * flat[number[-1]]
+    for side in (number[0], number[-1]):
+        matrix[side, side] += 2 * flat[side]
     load = inlet * 2e5
     open_ = np.diag(matrix) > 0
     pressure = np.zeros(k.size)
