@@ -17,6 +17,7 @@ from tests.study.kit import table
 
 HEIGHTS = random_midpoint_displacement(2.3, 2, seed=1).heights  # 5 x 5
 X, Y = (axis.ravel() for axis in np.indices(HEIGHTS.shape))
+MAPS = table("maps.toml")
 WIDE = "# Width: 125 µm\n# Height: 125 µm\n# Value units: nm\n"
 
 
@@ -41,40 +42,17 @@ def _case(folder: Path, surface: str) -> Case:
     return case
 
 
-@pytest.mark.parametrize(("surface", "key", "said"), table("refusals_of_maps.toml")["agreement"])
+@pytest.mark.parametrize(("surface", "key", "said"), MAPS["agreement"])
 def test_a_file_and_a_study_that_do_not_agree_are_refused(folder: Path, surface: str, key: str, said: str) -> None:
     with pytest.raises(StudyError, match=said) as caught:
         _case(folder, surface)
     assert [problem.key for problem in caught.value.problems] == [key]
 
 
-@pytest.mark.parametrize(
-    ("surface", "L", "unit", "scale"),
-    [
-        ("file: full.txt", 100.0, "um", 1e-3),
-        ("file: full.txt, L: 0.1 mm, heights_unit: nm", 0.1, "mm", 1e-6),
-        ("file: full.txt, L: 100.05 um", 100.05, "um", 1e-3),
-        ("file: full.txt, L: 7 nm, header: ignore", 7.0, "nm", 1.0),
-        ("file: full.txt, L: 7 nm, header: ignore, heights_unit: pm", 7.0, "nm", 1e-3),
-        ("file: named.txt, L: 7 um", 7.0, "um", 1e-3),
-        ("file: points.xyz", 100.0, None, 1.0),
-        ("file: points.xyz, unit: um", 100.0, "um", 1.0),
-        ("file: points.xyz, unit: um, heights_unit: nm", 100.0, "um", 1e-3),
-        ("file: points.xyz, L: 100 um, heights_unit: nm", 100.0, "um", 1e-3),
-        ("file: lateral.csv, heights_unit: nm", 100.0, "um", 1e-3),
-        ("file: counted.xyz", 4.0, None, 1.0),
-        ("file: counted.xyz, L: 7 um", 7.0, "um", 1.0),
-        ("file: bare.npy, L: 7 um", 7.0, "um", 1.0),
-        ("file: bare.npy, L: 7 um, heights_unit: nm", 7.0, "um", 1e-3),
-        ("file: bare.npy, L: 7 um, heights_unit: 0.95 nm", 7.0, "um", 0.95e-3),
-        ("file: bare.npy, L: 7 um, heights_unit: 2.5e-3µm", 7.0, "um", 2.5e-3),
-        ("file: points.xyz, unit: um, heights_unit: 3 micrometre", 100.0, "um", 3.0),
-        ("file: full.txt, L: 7 nm, header: ignore, heights_unit: 0.5 pm", 7.0, "nm", 0.5e-3),
-    ],
-)
-def test_heights_come_in_the_unit_of_L(folder: Path, surface: str, L: float, unit: str | None, scale: float) -> None:
+@pytest.mark.parametrize(("surface", "L", "unit", "scale"), MAPS["units"])
+def test_heights_come_in_the_unit_of_L(folder: Path, surface: str, L: float, unit: str, scale: float) -> None:
     case = _case(folder, surface)
-    assert (case.L, case.length_unit) == (pytest.approx(L, rel=1e-12), unit)
+    assert (case.L, case.length_unit) == (pytest.approx(L, rel=1e-12), unit or None)
     np.testing.assert_allclose(case_surface.surface_of(case).heights, scale * HEIGHTS, rtol=1e-12)
 
 
@@ -121,19 +99,7 @@ def test_a_number_names_a_channel(folder: Path) -> None:
 # What the user should look at
 
 
-@pytest.mark.parametrize(
-    ("surface", "said"),
-    [
-        ("file: points.xyz, unit: m", r"L = 100 m is longer than 0\.1 m"),
-        ("file: points.xyz, L: 100 um, heights_unit: pm", r"of the shorter side: is heights_unit right\?"),
-        (
-            "file: points.xyz, L: 100 nm, heights_unit: um",
-            r"more than the shorter side, 100 nm: is heights_unit right\?",
-        ),
-        ("file: counted.xyz, L: 7 pm", r"the spacing is 1\.75 pm, less than an atom"),
-        ("file: counted.xyz, L: 7 um", "the coordinates in the file count nodes"),
-    ],
-)
+@pytest.mark.parametrize(("surface", "said"), MAPS["absurd"])
 def test_an_absurd_size_is_noted(folder: Path, surface: str, said: str) -> None:
     case = _case(folder, surface)
     notes = interpretation.notes(case, case_surface.surface_of(case))

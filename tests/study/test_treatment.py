@@ -104,7 +104,7 @@ def test_what_lies_outside_the_crop_changes_nothing(folder: Path) -> None:
     assert np.array_equal(one.heights, other.heights)
 
 
-@pytest.mark.parametrize(("keys", "key", "said"), table("refusals_of_maps.toml")["treatment"])
+@pytest.mark.parametrize(("keys", "key", "said"), table("maps.toml")["treatment"])
 def test_what_is_not_allowed_is_refused_by_key(folder: Path, keys: str, key: str, said: str) -> None:
     found, message = _refused(folder, f"file: map.npy, {keys}")
     assert found == key
