@@ -94,9 +94,7 @@ def test_the_place_changes_no_bit_and_no_progress(
     assert sum(bool(event.event) for event in events) == 8
 
 
-def test_a_run_that_is_stopped_is_finished_later(
-    place: dict[str, Any], study: Study, finished: Path, tmp_path: Path
-) -> None:
+def test_a_stopped_run_is_finished_later(place: dict[str, Any], study: Study, finished: Path, tmp_path: Path) -> None:
     events = Events()
     with pytest.raises(KeyboardInterrupt):
         run(study, out=tmp_path, on_event=events, stopping=lambda: bool(events) and events[-1].done >= 2, **place)
@@ -126,9 +124,7 @@ def test_a_failing_case_is_named_and_costs_no_other(place: dict[str, Any], tmp_p
     assert collect(study, tmp_path).sizes["seed"] == 2
 
 
-def test_a_callback_that_raises_ends_the_run_and_keeps_cases(
-    place: dict[str, Any], study: Study, tmp_path: Path
-) -> None:
+def test_a_callback_that_raises_ends_the_run(place: dict[str, Any], study: Study, tmp_path: Path) -> None:
     def stop(progress: batch.Progress) -> None:
         if progress.done:
             raise KeyboardInterrupt

@@ -208,9 +208,7 @@ def test_a_line_is_no_map() -> None:
 
 
 def test_a_periodic_topography_is_pressed_as_the_surface_section_says() -> None:
-    with pytest.warns(
-        roughvol.RoughvolWarning, match=r"is a periodic Topography, pressed mirrored.*surface\.sides"
-    ) as seen:
+    with pytest.warns(roughvol.RoughvolWarning, match=r"periodic Topography, pressed mirrored.*surface\.sides") as seen:
         _pressed(_topography(periodic=True))
     assert {one.filename for one in seen if issubclass(one.category, roughvol.RoughvolWarning)} == {__file__}
     period = _pressed(_topography(periodic=True), surface={"sides": "periodic"})

@@ -64,9 +64,7 @@ def test_the_answer_is_stored_beside_its_cases(finished: Path) -> None:
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.parametrize("place", ["here", "cluster"])
-def test_workers_and_breaks_change_no_number(
-    place: str, finished: Path, cases: Path, request: pytest.FixtureRequest
-) -> None:
+def test_workers_change_no_number(place: str, finished: Path, cases: Path, request: pytest.FixtureRequest) -> None:
     for path in sorted((cases / "cases").glob("*.nc"))[::3]:
         path.unlink()
     run(STUDY, out=cases, jobs=2, scheduler=request.getfixturevalue("scheduler") if place == "cluster" else None)

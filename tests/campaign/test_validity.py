@@ -94,17 +94,14 @@ def test_a_harder_metal_yields_less_and_a_very_hard_one_nowhere() -> None:
     assert "hardness" not in _after(SMALL + METAL.replace("1 GPa", "1000 GPa"))
 
 
-def test_where_pressures_end_at_the_hardness_yield_is_stored_and_no_warning_given() -> None:
+def test_without_a_hardness_and_where_pressures_end_at_it_no_shares_are_stored() -> None:
+    assert not set(HARD) & set(run_case(case_of(ONE)).data_vars)
     text = SMALL + METAL.replace(", plastic: false", "")
     assert "hardness" not in _before(text) | _after(text)
     results = _computed(text)
     assert not set(HARD) & set(results.data_vars)
     assert (results.plastic_volume.isel(step=-1) > 0.0).all()
     assert (results.plastic_area_fraction.isel(step=-1) <= results.contact_area_fraction.isel(step=-1)).all()
-
-
-def test_without_a_hardness_nothing_is_stored_of_it() -> None:
-    assert not set(HARD) & set(run_case(case_of(ONE)).data_vars)
 
 
 def test_shares_of_a_scaled_surface_are_those_of_one_that_has_these_heights(tmp_path: Path) -> None:

@@ -74,9 +74,7 @@ CHANGES = (
     ("command", "old", "new", "difference"),
     [(command, *CHANGES[0]) for command in COMMANDS] + [(COMMANDS[0], *change) for change in CHANGES[1:]],
 )
-def test_a_changed_study_has_no_old_numbers(
-    place: Path, command: list[str], old: str, new: str, difference: str
-) -> None:
+def test_changed_studies_are_refused(place: Path, command: list[str], old: str, new: str, difference: str) -> None:
     Path("tiny.yaml").write_text(TEXT.replace(old, new), encoding="utf-8")
     message = _refused(command, "tiny.yaml")
     assert difference in message

@@ -194,9 +194,7 @@ def test_mixed_versions_are_noted_and_stored(study: Study, place: Path, monkeypa
 
 
 @pytest.mark.parametrize("named", [True, False])  # whether the old files name their answer format
-def test_older_answers_are_computed_anew(
-    study: Study, place: Path, monkeypatch: pytest.MonkeyPatch, named: bool
-) -> None:
+def test_old_answers_are_computed_anew(study: Study, place: Path, monkeypatch: pytest.MonkeyPatch, named: bool) -> None:
     before = files_of(place)
     for path in [] if named else list((place / "cases").glob("*.nc")):
         content, labels = stamped_file.verified(path)
@@ -577,9 +575,7 @@ def test_a_folder_that_vanishes_while_a_long_case_runs_ends_the_run_at_once(tmp_
         execution.run(study, out=tmp_path / "run", jobs=1, on_event=vanish)
 
 
-def test_the_note_of_a_killed_run_is_stale_and_removed(
-    study: Study, place: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stale_note_is_none_and_removed(study: Study, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (place / "progress.json").write_text(json.dumps({"running": [study.cases()[0].id], "left": 5.0}))
     found = run_status.status(study, place)
     assert (len(found.done), found.running, found.left) == (4, (), None)

@@ -33,7 +33,7 @@ from roughvol.study.values.state_kinds import LISTS
 from roughvol.surfaces.body import UNTREATED
 from tests.study.kit import in_full, problems_of, table
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
 SURFACE = "surface: {D: 2.3, m: 4}\n"
 FULL = """\
 name: full
@@ -133,7 +133,7 @@ def test_a_byte_order_mark_is_no_part_of_the_study(tmp_path: Path) -> None:
 
 
 def test_the_smoke_study_is_small_and_records_everything() -> None:
-    study = load(CONFIGS / "smoke.yaml")
+    study = load(next(path for path in CONFIGS if path.stem == "smoke"))
     assert len(study.cases()) * study.sweep.steps * max(4 ** (case.m or 0) for case in study.cases()) < 200_000
     left_out = {name for name, value in study.record.model_dump().items() if not value}
     assert left_out <= {
@@ -597,3 +597,19 @@ def test_the_text_in_the_files_of_cases_is_the_study_and_short(seeds: str, mater
     text = study.of_each_case()
     assert loads(text, stored=True).stored() == study.stored()
     assert len(text) < 2000
+
+
+# Studies that are shipped
+
+
+def test_the_papers_studies_are_there() -> None:
+    assert {"smoke", "gallery", "effect_of_D", "effect_of_m", "morphology"} <= {path.stem for path in CONFIGS}
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_a_shipped_study_loads_and_is_the_same_when_resolved(path: Path) -> None:
+    study = load(path)
+    assert study.name == path.stem
+    assert len({case.id for case in study.cases()}) == len(study.cases()) > 0
+    assert path.read_text(encoding="utf-8").startswith("# ")  # a line on what it feeds
+    assert loads(study.to_yaml()) == study
