@@ -39,7 +39,7 @@ def _grid(dims: tuple[str, str] = ("x", "y"), unit: str = "um", scale: float = 1
 
 
 def _pressed(heights: Any, **options: Any) -> Dataset:
-    return roughvol.press(heights, **{**MATERIAL, "steps": 4, "to": END, "record": FLOW, **options})
+    return roughvol.press(heights, **{**MATERIAL, "steps": 2, "to": END, "record": FLOW, **options})
 
 
 def _same(one: Dataset, other: Dataset, rtol: float = 1e-9) -> None:
@@ -158,7 +158,7 @@ def test_oblong_pixels_are_refused_and_resampled() -> None:
     oblong = _grid().assign_coords(y=("y", 1.5 * Y, {"units": "um"}))
     with pytest.raises(StudyError, match="resample"):
         _pressed(oblong)
-    assert _pressed(oblong, surface={"resample": "square"}).sizes["step"] == 4
+    assert _pressed(oblong, surface={"resample": "square"}).sizes["step"] == 2
 
 
 def test_L_agrees_with_the_coordinates() -> None:
@@ -221,7 +221,7 @@ def test_run_takes_heights_in_memory_and_keeps_them_beside_its_results(plain: Da
         "name": "kept",
         "surface": {"heights": _grid(("y", "x"))},
         "material": MATERIAL,
-        "sweep": {"steps": 4, "to": END},
+        "sweep": {"steps": 2, "to": END},
         "record": FLOW,
     }
     ds = roughvol.run(study, jobs=1).isel(case=0)
@@ -236,7 +236,7 @@ def test_run_takes_heights_in_memory_and_keeps_them_beside_its_results(plain: Da
     with pytest.raises(DatasetError, match="another study"):
         roughvol.run({**study, "surface": {"heights": 2.0 * _grid()}}, jobs=1)
     _same(
-        roughvol.press("runs/kept/heights.nc", **MATERIAL, steps=4, to=END, record=FLOW), plain
+        roughvol.press("runs/kept/heights.nc", **MATERIAL, steps=2, to=END, record=FLOW), plain
     )  # the first ones stay
     for surface, words in (
         ({"heights": MAP, "file": "runs/kept/heights.nc"}, r'\["heights"\]: excluded by'),

@@ -21,7 +21,7 @@ from tests.kit import said
 
 TEXT = """
 name: mean
-surface: {D: 2.3, m: 4}
+surface: {D: 2.3, m: 3}
 sweep: {pressures: [0.1, 0.3]}
 ensemble: {accuracy: {free_volume: 20 %}, at: {pressure: [0.1, 0.3]}}
 """
@@ -55,7 +55,7 @@ def test_the_answer_is_stored_beside_its_cases(finished: Path) -> None:
     assert_allclose(results.ensemble_samples, results.residual.notnull().any("step").sum("seed"))
     assert all(results[name].attrs["units"] for name in results.data_vars)
     answer = results.attrs["answer"]
-    assert "mean V* at pressure = 0.1, D = 2.3, m = 4" in answer
+    assert "mean V* at pressure = 0.1, D = 2.3, m = 3" in answer
     assert said("show", finished).endswith(f"{answer}\n")
     loading = facts(Run.of("finished", results)).loading
     assert answer.splitlines()[0] in [f"{name}: {text}" for name, text in loading]
