@@ -344,7 +344,7 @@ def test_the_id_of_two_bodies_follows_the_content_of_both(tmp_path: Path) -> Non
     study = loads("surface: {file: a.npy, L: 2, against: {file: b.npy}}", tmp_path / "study.yaml")
     assert loads(study.to_yaml()) == study
     (before,) = study.cases()
-    assert before.label == "a.npy against b.npy"
+    assert (before.label, before.surface_text) == ("a.npy against b.npy", "heights of b.npy added")
     np.save(tmp_path / "b.npy", np.ones((3, 3)))
     (after,) = study.cases()
     assert before.id != after.id
