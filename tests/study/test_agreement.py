@@ -83,12 +83,6 @@ def test_what_is_ignored_is_stored_in_words(folder: Path) -> None:
     assert text == "sizes and units in full.txt ignored"
 
 
-def test_the_study_is_written_out_as_it_was_read(folder: Path) -> None:
-    text = "surface: {file: bare.npy, L: 7 um, heights_unit: nm, columns: heights, header: ignore"
-    study = loads(text + ", against: {file: points.xyz, columns: heights}}", folder / "study.yaml")
-    assert loads(study.to_yaml()) == study
-
-
 def test_a_number_names_a_channel(folder: Path) -> None:
     np.savez(folder / "two.npz", a=HEIGHTS, b=2.0 * HEIGHTS)
     cases = [_case(folder, f"file: two.npz, L: 1, variable: {name}") for name in ("1", "'1'", "b")]

@@ -157,11 +157,6 @@ def test_check_and_report_describe_a_spectrum(tmp_path: Path) -> None:
 GENERATED = "surface: {D: 2.3, m: 4, seeds: 1, sides: periodic}\n"
 
 
-def test_a_periodic_study_reads_back_equal() -> None:
-    study = loads(GENERATED + "solver: {kernel: fourier}\nsweep: {to: {free_volume: 0.5}}")
-    assert loads(study.to_yaml()) == study
-
-
 MADE = ("surface: {D: 2.3, m: 4, seeds: 1%s}", "surface: {H: 0.8, n: 16, seeds: 1%s}")
 FILE = "surface: {file: z.npy, L: 1%s}"
 
