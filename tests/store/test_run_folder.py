@@ -149,13 +149,6 @@ def test_a_dataset_with_the_stamp_of_another_study_is_not_read(place: Path) -> N
         dataset.read(place / "study.nc")
 
 
-def test_a_temporary_file_with_a_strange_number_stays(tmp_path: Path) -> None:
-    strange = tmp_path / ".study.nc.host.².part"
-    strange.touch()
-    stamped_file.remove_leftovers(tmp_path)
-    assert strange.exists()
-
-
 def _notices(study: Study, place: Path, **how: Any) -> list[str]:
     events = Events()
     execution.run(study, out=place, jobs=1, on_event=events, **how)
