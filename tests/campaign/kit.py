@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,9 @@ import numpy as np
 
 from roughvol.campaign.batch import Progress
 from roughvol.campaign.one_case import Context, Stopped, run_case
-from roughvol.store import dataset
+from roughvol.store import dataset, dimensional
 from roughvol.store.dataset import Dataset
-from roughvol.study import Case, loads
+from roughvol.study import Case, Study, loads
 
 DIMS = ("D", "m", "seed")
 
@@ -31,6 +32,12 @@ def solved(text: str, file: Path | str = "x.yaml") -> Dataset:
     """Return the first case of a study, computed, without dimensions of length 1."""
     result = run_case(case_of(text, file))
     return result.squeeze([dim for dim in DIMS if dim in result.dims])
+
+
+def collected(study: Study, parts: Sequence[Dataset] = ()) -> Dataset:
+    """Return all cases of a study in its units, computed without files where they are not given."""
+    parts = parts or [run_case(case) for case in study.cases()]
+    return dimensional.in_units(dataset.combine(parts, {}), study, study.cases()[0].length_unit)
 
 
 def values_of(results: Dataset | Path) -> Dataset:
@@ -110,11 +117,6 @@ def at_work(folder: Path, process: subprocess.Popen[str], number: int = 1) -> li
             return ids
         time.sleep(0.02)
     raise AssertionError(process.communicate()[1])
-
-
-def problems_of(error: Any, key: str, words: str) -> list[Any]:
-    """Return the problems of a refused study at a key with certain words."""
-    return [one for one in error.problems if (one.key or "").startswith(key) and words in one.message]
 
 
 class Dask:

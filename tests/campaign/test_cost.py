@@ -9,13 +9,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from click.testing import CliRunner
 
 import roughvol
 from roughvol.campaign import batch, cost, execution, machine
 from roughvol.campaign.batch import Forecast
 from roughvol.campaign.cost import START, choices, estimate
-from roughvol.cli import main
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
 from roughvol.ensemble.cost import CASE, convolutions_per_step, expected_seconds
@@ -24,6 +22,7 @@ from roughvol.observables import requests
 from roughvol.study import ACCURACY, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from tests.campaign.kit import case_of
+from tests.kit import call, refused
 
 PLAIN = "surface: {D: 2.2, m: 6, seeds: 4}\nsweep: {steps: 50}"
 TEXT = "name: s\nsurface: {D: 2.4, m: 3, seeds: 1}\nsweep: {steps: 2}\n"
@@ -206,14 +205,12 @@ def test_a_narrow_limit_is_told_in_one_line_before_any_library_is_loaded(study: 
     assert line.startswith("error: not enough memory: the limit of address space is ")
 
 
-def test_a_limit_too_narrow_for_a_case_is_told_before_it_starts(
-    study: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_limit_too_narrow_for_a_case_is_told(study: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine, "address_space", lambda: machine.needed_space() + 1e6)
-    for call in (["check", study], ["run", study, "--out", str(tmp_path / "out")]):
-        refused = CliRunner().invoke(main, call)
-        (line,) = refused.stderr.splitlines()
-        assert refused.exit_code == 1
+    for command in (["check", study], ["run", study, "--out", tmp_path / "out"]):
+        done = call(*command)
+        (line,) = done.stderr.splitlines()
+        assert done.exit_code == 1
         assert line.startswith("error: not enough memory: D = 2.40, m = 3, seed 0 needs about ")
     assert not (tmp_path / "out").exists()
 
@@ -226,7 +223,7 @@ def test_memory_that_runs_out_is_one_line_and_no_other_error_is(
         raise error
 
     monkeypatch.setattr(execution, "run", fail)
-    done = CliRunner().invoke(main, ["run", study])
+    done = call("run", study)
     if error in OTHERS:
         assert done.exception is error
         return
@@ -244,13 +241,11 @@ def test_without_a_limit_nothing_is_refused(tmp_path: Path, monkeypatch: pytest.
     cost.check_fits(loads(TEXT).cases(), [], tmp_path / "nowhere" / "yet")
 
 
-def test_a_folder_with_a_name_too_long_is_refused_in_one_line(
-    study: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_name_too_long_is_refused_in_one_line(study: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / ("a" * 300)
     sizes = {tmp_path.stat().st_ino: 5e9}  # of the folder alone: other processes write to the disk
     monkeypatch.setattr("shutil.disk_usage", lambda place: SimpleNamespace(free=sizes[Path(place).stat().st_ino]))
     assert machine.free_disk(folder / "b") == machine.free_disk(tmp_path) == 5e9
-    shown = CliRunner().invoke(main, ["run", study, "--out", str(folder)])
-    assert shown.exit_code == 2
-    assert shown.output.strip().splitlines()[-1] == f"error: cannot write {folder}: File name too long"
+    assert (
+        refused("run", study, "--out", folder).splitlines()[-1] == f"error: cannot write {folder}: File name too long"
+    )

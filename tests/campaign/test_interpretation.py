@@ -3,98 +3,45 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import roughvol
 from roughvol.campaign import interpretation
-from roughvol.cli import main
 from roughvol.errors import CampaignError, RoughvolWarning
 from roughvol.study import loads
 from tests.campaign.kit import noise
+from tests.kit import call
+
+pytestmark = pytest.mark.usefixtures("here")
 
 UNITS = "surface: {D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}\nmaterial: {E_star: 10 MPa}\n"  # p = p* 0.1 MPa
 BARE = "surface: {D: 2.3, m: 4, seeds: 1, L: 100, Sq: 1}\n"
+DOUBTS = tomllib.loads((Path(__file__).parent / "doubts.toml").read_text(encoding="utf-8"))
 HEIGHTS = 1e-6 * noise(0, 9, 9)
-
-
-@pytest.fixture(autouse=True)
-def _empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def _doubts(text: str) -> list[str]:
     return interpretation.doubts(loads(text))
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        (
-            UNITS + "sweep: {steps: 2, to: {pressure: 0.1}}",
-            "pressure 0.1 is p* = 0.1, that is 0.01 MPa; write '0.1 MPa' for a nominal pressure",
-        ),
-        (
-            UNITS + "sweep: {pressures: [0.1, 0.2, 0.5]}\nrecord: {fields_at: {pressure: 0.3}}",
-            "pressures 0.1, 0.2, 0.3, 0.5 are p*, that is 0.01, 0.02, 0.03, 0.05 MPa; "
-            "write '0.1 MPa' for a nominal pressure",
-        ),
-        (
-            UNITS.replace("10 MPa", "0.01 GPa")
-            + "sweep: [{steps: 2, to: {pressure: 2}}, {steps: 1, to: {pressure: 0}}]\n"
-            + "record: {dimensional: {pressure: bar}}",
-            "pressure 2 is p* = 2, that is 2 bar; write '2 bar' for a nominal pressure",
-        ),
-        (
-            UNITS + "sweep: {steps: 2, to: {indentation: 0.5}}",
-            "indentation 0.5 is Δ/σ = 0.5, that is 0.5 um; write '0.5 um' for a length",
-        ),
-        (
-            UNITS + "sweep: {steps: 2}\nrecord: {fields_at: {separation: [0, 1]}}",
-            "separation 1 is d/σ = 1, that is 1 um; write '1 um' for a length",
-        ),
-        (
-            BARE + "material: {E: 7.5, nu: 0.5}\nsweep: {steps: 2, to: {pressure: 0.2}}",
-            "pressure 0.2 is p* = 0.2, that is 0.02 in the unit of E; "
-            "for a nominal pressure give both with units, as E: 10 MPa and 0.1 MPa",
-        ),
-        (
-            UNITS + "sweep: {steps: 2, to: {pressure: 0.05 MPa}}\n"
-            "record: {fluid_pressure: {inlet: 0.1, coupling: one-way}}",
-            "fluid pressure 0.1 is p* = 0.1, that is 0.01 MPa; write '0.1 MPa' for a nominal pressure",
-        ),
-        *(
-            (text, "")
-            for text in (
-                UNITS + "sweep: {steps: 2, to: {pressure: 0.01 MPa}}",
-                UNITS + "sweep: [{steps: 2, to: {pressure: 0.01 MPa}}, {steps: 1, to: {pressure: 0}}]",
-                UNITS + "sweep: {steps: 2, to: {separation: 0}}",
-                UNITS + "sweep: {steps: 2, to: {contact_area: 0.01}}\nrecord: {fields_at: {free_volume: 2}}",
-                BARE + "sweep: {steps: 2, to: {pressure: 0.2}}",
-                BARE + "material: {E_star: 1, hardness: 0.1}\nsweep: {steps: 2, to: {pressure: 0.2}}",
-                BARE + "material: {E: 7.5, nu: 0.5}\nsweep: {steps: 2, to: {indentation: 0.2}}",
-            )
-        ),
-    ],
-)
+@pytest.mark.parametrize(("text", "expected"), DOUBTS["readings"])
 def test_a_bare_number_beside_units_is_given_in_both_readings(text: str, expected: str) -> None:
-    assert [line.replace("about ", "") for line in _doubts(text)] == [expected] * bool(expected)
+    study = text.replace("units+ ", UNITS).replace("bare+ ", BARE)
+    assert [line.replace("about ", "") for line in _doubts(study)] == [expected] * bool(expected)
 
 
 def test_each_material_of_a_list_has_its_own_reading_in_check_and_run() -> None:
     text = UNITS.replace("10 MPa", "[10 MPa, 20 MPa]") + "sweep: {steps: 2, to: {pressure: 0.1}}"
     Path("s.yaml").write_text(text, encoding="utf-8")
     for command in (["check", "s.yaml"], ["run", "s.yaml", "--jobs", "1"]):
-        done = CliRunner().invoke(main, command)
-        assert done.exit_code == 0, done.output
-        assert re.findall(r"^warning: .*pressure .* that is (?:about )?(\S+) MPa", done.stderr, re.M) == [
-            "0.01",
-            "0.02",
-        ]
+        done = call(*command)
+        found = re.findall(r"^warning: .*pressure .* that is (?:about )?(\S+) MPa", done.stderr, re.M)
+        assert (done.exit_code, found) == (0, ["0.01", "0.02"])
 
 
 def test_several_surfaces_have_a_range() -> None:

@@ -14,14 +14,11 @@ from roughvol.store.same_study import differences
 from roughvol.study import loads
 from tests.campaign.kit import Events, values_of
 
+pytestmark = pytest.mark.usefixtures("here")
+
 HEAD = "surface: {D: 2.4, m: 4, seeds: 2}\nsweep: {steps: 4, to: {pressure: 1}}\n"
 TEXT = f"{HEAD}record: {{fields_at: {{pressure: 0.5}}, transport: {{transmissivity: every-step}}}}\n"
 OTHER = f"{HEAD}record: {{transport: {{percolation: every-step}}}}\n"
-
-
-@pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture

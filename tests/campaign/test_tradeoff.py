@@ -6,19 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from roughvol.campaign import tradeoff
-from roughvol.cli import main
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
-from roughvol.errors import ContactError, StudyError
+from roughvol.errors import ContactError
 from roughvol.report import convergence
 from roughvol.report.figures.registry import TRADEOFF
 from roughvol.store import dataset, tradeoff_variables
 from roughvol.study import ACCURACY, EXPECTED, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
-from tests.campaign.kit import case_of, noise, solved
+from tests.campaign.kit import noise, solved
+from tests.kit import said
 
 
 @pytest.fixture(scope="module")
@@ -107,10 +106,9 @@ def test_a_height_file_has_the_ladders_of_one_grid(tmp_path: Path) -> None:
 
 def test_command_writes_a_dataset_and_figures(tmp_path: Path) -> None:
     (tmp_path / "small.yaml").write_text("surface: {D: 2.4, m: 4, seeds: 1}\nsweep: {steps: 6}\n")
-    done = CliRunner().invoke(main, ["tradeoff", str(tmp_path / "small.yaml"), "--out", str(tmp_path / "run")])
-    assert done.exit_code == 0, done.output
-    assert "per cent less time" in done.stdout
-    assert "A* NOT converged in m" in done.stdout
+    text = said("tradeoff", tmp_path / "small.yaml", "--out", tmp_path / "run")
+    assert "per cent less time" in text
+    assert "A* NOT converged in m" in text
     assert "ladder" in dataset.read(tmp_path / "run" / "tradeoff.nc").coords
     assert len(list((tmp_path / "run" / "figures").glob("*.png"))) == len(TRADEOFF)
 
@@ -140,27 +138,6 @@ def test_a_requested_error_is_certified_and_met(asked: dict[str, float]) -> None
         assert (bound <= error).all()
     work, exact_work = (float((ds.convolutions + ds.convolutions_fp32).sum()) for ds in (found, exact))
     assert work < exact_work
-
-
-@pytest.mark.parametrize(
-    ("solver", "words"),
-    [
-        ("{max_error: {}}", "must name free_volume or mean_pressure"),
-        ("{max_error: {volume: 1.0e-3}}", "free_volume"),
-        ("{max_error: {free_volume: 2.0}}", "free_volume"),
-        ("{max_error: {free_volume: 1.0e-3}, rtol: 1.0e-3}", "one of accuracy, rtol and max_error"),
-    ],
-)
-def test_errors_that_cannot_be_requested_are_refused(solver: str, words: str) -> None:
-    with pytest.raises(StudyError, match=words):
-        loads(f"surface: {{D: 2.6, m: 4}}\nsolver: {solver}")
-
-
-def test_a_requested_error_is_part_of_the_identity() -> None:
-    texts = ["", "solver: {max_error: {mean_pressure: 1.0e-3}}", "solver: {max_error: {free_volume: 1.0e-6}}"]
-    ids = [case_of(f"surface: {{D: 2.6, m: 4, seeds: 1}}\n{text}").id for text in texts]
-    assert ids[0] != ids[1]
-    assert ids[0] == ids[2]  # the same bound on the residual by another name
 
 
 @pytest.mark.parametrize("options", [{"precision": "half"}, {"pressure_error": 0.0}, {"pressure_error": 0.5}])

@@ -9,23 +9,21 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from click.testing import CliRunner
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from roughvol.campaign import execution, validity
 from roughvol.campaign.case_surface import surface_of
 from roughvol.campaign.one_case import run_case
 from roughvol.campaign.validity import LIMITS, Finding, Setting
-from roughvol.cli import main
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve, sweep
-from roughvol.observables import pressures, reduction
-from roughvol.store import checkpoint, dataset, dimensional
+from roughvol.observables import pressures
+from roughvol.store import dataset
 from roughvol.store.dataset import Dataset
 from roughvol.study import Level, load, loads
 from roughvol.surfaces.surface import Surface
-from tests.campaign.kit import case_of, solved
-from tests.observables.kit import reduced
+from tests.campaign.kit import case_of, collected, solved
+from tests.kit import call
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 SMALL = "surface: {D: 2.3, m: 4, seeds: 2, L: 50 um, Sq: 0.5 um}\nsweep: {steps: 4, to: {contact_area: 0.1}}\n"
@@ -38,14 +36,12 @@ GAS = "fluid: {{gas: helium, inlet: {}, outlet: {}}}\nrecord: {{transport: {{gas
 HARD = ("contact_above_hardness_fraction", "load_above_hardness_fraction")
 
 
-def _collected(text: str) -> Dataset:
-    study = loads(text)
-    parts = [run_case(case) for case in study.cases()]
-    return dimensional.in_units(dataset.combine(parts, {}), study, study.cases()[0].length_unit)
+def _computed(text: str) -> Dataset:
+    return collected(loads(text))
 
 
 def _after(text: str) -> dict[str, Finding]:
-    return {found.key: found for found in validity.after(validity.setting(loads(text)), _collected(text))}
+    return {found.key: found for found in validity.after(validity.setting(loads(text)), _computed(text))}
 
 
 def _before(text: str) -> dict[str, Finding]:
@@ -98,27 +94,19 @@ def test_a_harder_metal_yields_less_and_a_very_hard_one_nowhere() -> None:
     assert "hardness" not in _after(SMALL + METAL.replace("1 GPa", "1000 GPa"))
 
 
-def test_where_pressures_end_at_the_hardness_yield_is_stored_and_no_warning_given() -> None:
+def test_without_a_hardness_and_where_pressures_end_at_it_no_shares_are_stored() -> None:
+    assert not set(HARD) & set(run_case(case_of(ONE)).data_vars)
     text = SMALL + METAL.replace(", plastic: false", "")
     assert "hardness" not in _before(text) | _after(text)
-    results = _collected(text)
+    results = _computed(text)
     assert not set(HARD) & set(results.data_vars)
     assert (results.plastic_volume.isel(step=-1) > 0.0).all()
     assert (results.plastic_area_fraction.isel(step=-1) <= results.contact_area_fraction.isel(step=-1)).all()
-    assert case_of(text).id != case_of(SMALL + METAL).id
-
-
-def test_without_a_hardness_nothing_is_stored_of_it() -> None:
-    plain, hard = loads(ONE), loads(ONE + METAL)
-    assert not set(HARD) & set(run_case(plain.cases()[0]).data_vars)
-    assert plain.cases()[0].id != hard.cases()[0].id
-    other = METAL.replace("70 GPa", "70000 MPa").replace("1 GPa", "10 kbar")
-    assert [case.id for case in loads(ONE + other).cases()] == [case.id for case in hard.cases()]
 
 
 def test_shares_of_a_scaled_surface_are_those_of_one_that_has_these_heights(tmp_path: Path) -> None:
     text = ONE + METAL.replace("1 GPa", "8 GPa")
-    scaled = _collected(text + "record: {heights: true}").isel(D=0, m=0, seed=0)
+    scaled = _computed(text + "record: {heights: true}").isel(D=0, m=0, seed=0)
     np.save(tmp_path / "z.npy", scaled.heights.transpose("x", "y").values)
     file = text.replace("D: 2.3, m: 4, seeds: [1],", "file: z.npy, sides: free,").replace(", Sq: 0.5 um", "")
     pressed = run_case(case_of(file, tmp_path / "s.yaml"))
@@ -128,7 +116,7 @@ def test_shares_of_a_scaled_surface_are_those_of_one_that_has_these_heights(tmp_
 
 
 def test_a_run_names_the_shares_of_contact_and_load_above_the_hardness() -> None:
-    found, results = _after(SMALL + METAL)["hardness"], _collected(SMALL + METAL)
+    found, results = _after(SMALL + METAL)["hardness"], _computed(SMALL + METAL)
     highest, beyond = int(results.mean_pressure.values.argmax()), results[HARD[1]] > LIMITS["hardness"].value
     for name in HARD:
         assert f"{100 * results[name].values.ravel()[highest]:.3g} %" in found.sentence
@@ -146,24 +134,6 @@ def test_the_share_foreseen_is_that_of_the_distribution_of_pressure() -> None:
     contact, load = density[p > 0.06].sum() / density.sum(), (p * density)[p > 0.06].sum() / (p * density).sum()
     assert f"about {100 * contact:.3g} % of the contact" in sentence
     assert f"{100 * load:.3g} % of the load" in sentence
-
-
-def test_shares_survive_a_checkpoint() -> None:
-    case = case_of(ONE + METAL)
-    surface = surface_of(case)
-    half_space = HalfSpace(surface.shape)
-    states = list(sweep(surface, half_space, 2.0 * np.arange(1, 5) / 4))
-    whole = reduced(case, states)
-    for kept in (2, 4):  # also after the last step
-        first, second = (reduction.Reduction(case, surface, half_space) for _ in range(2))
-        for state in states[:kept]:
-            first.follow(state)
-        last_two = [state.state() for state in states[kept - 2 : kept]]
-        second.restore(checkpoint.unpacked(checkpoint.packed(first.state())), last_two)
-        for state in states[kept:]:
-            second.follow(state)
-        for name in (*HARD, "central_pressure_ratio"):
-            assert_array_equal(second.values()[name], whole[name])
 
 
 # Which studies exceed which limit
@@ -201,7 +171,7 @@ def test_slope_is_judged_where_heights_and_lengths_have_one_scale() -> None:
         found = _after(text)["slope"]
         assert "slope" in _before(text)
         assert (found.extent.cases, found.extent.of_cases) == (3, 3)
-        assert f"{_collected(text).Sdq.max().item():.2g} on 3 of 3 surfaces" in found.sentence
+        assert f"{_computed(text).Sdq.max().item():.2g} on 3 of 3 surfaces" in found.sentence
     flat = raw.replace("L: 5", "L: 5 um, Sq: 10 nm")
     assert "slope" not in _before(flat) | _after(flat)
 
@@ -372,8 +342,8 @@ def test_the_highest_point_of_a_scan_alone_is_judged(tmp_path: Path, cleaned: st
 
 def test_a_run_stores_and_prints_its_findings_and_goes_well(tmp_path: Path) -> None:
     (tmp_path / "metal.yaml").write_text(SMALL + METAL, encoding="utf-8")
-    for command in (["check"], ["run", "--jobs", "1", "--out", str(tmp_path / "out")]):
-        told = CliRunner().invoke(main, [command[0], str(tmp_path / "metal.yaml"), *command[1:]])
+    for command in (["check"], ["run", "--jobs", "1", "--out", tmp_path / "out"]):
+        told = call(command[0], tmp_path / "metal.yaml", *command[1:])
         lines = [line for line in told.stderr.splitlines() if line.startswith("warning: ")]
         assert (told.exit_code, len(lines)) == (0, len(set(lines)))
         assert any("hardness 1 GPa" in line for line in lines)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -20,7 +19,7 @@ from roughvol.errors import CampaignError
 from roughvol.store import run_status
 from roughvol.study import loads
 from tests.campaign import tasks
-from tests.campaign.kit import Dask, Events, bits_of, values_of
+from tests.campaign.kit import Dask, Events, values_of
 
 # The client of Dask leaves its loop's sockets to the garbage collector.
 pytestmark = [
@@ -161,31 +160,6 @@ def test_a_cluster_survives_its_workers(dask: Dask, tmp_path: Path, monkeypatch:
     with pytest.raises(CampaignError, match="has had no worker for 1 s, after it had some; what is finished is kept"):
         execution.run(study, out=tmp_path / "left", scheduler=dask.address, on_event=kill_all)
     assert run_status.status(study, tmp_path / "left").done
-
-
-@pytest.mark.slow
-def test_four_workers_of_which_one_is_killed_store_the_bits_of_a_local_run(dask: Dask, tmp_path: Path) -> None:
-    study = loads(
-        "name: c\nsurface: {D: [2.2, 2.8], m: [3, 5], seeds: 10}\nsweep: {steps: 20}\n"
-        "record: {transport: {transmissivity: every-step}, fields_at: last}\n"
-    )
-    dask.end(dask.processes[1:])
-    four, done = [dask.worker("--no-nanny") for _ in range(4)], list[int]()
-
-    def follow(now: Any) -> None:
-        done.append(now.done)
-        if now.done >= 8 and four[0].poll() is None and len(dask.names()) == 4:
-            four[0].kill()
-            assert four[0].wait() == -signal.SIGKILL
-
-    execution.run(study, out=tmp_path / "there", scheduler=dask.address, on_event=follow)
-    assert [worker.poll() for worker in four] == [-signal.SIGKILL, None, None, None]
-    assert min(done) < 8 < max(done)
-    with workers.in_this_process():
-        execution.run(study, out=tmp_path / "here", jobs=1)
-    there, here = bits_of(tmp_path / "there"), bits_of(tmp_path / "here")
-    assert len(here) == 40
-    assert there == here
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from tests.ensemble.kit import driven
 
 SURFACE = "surface: {D: 2.3, m: 5}\nsweep: {steps: 12}\n"
 ASKED = {
-    "V*": "ensemble: {accuracy: {free_volume: 2 %}, at: {pressure: 0.3}}",
+    "V*": "ensemble: {accuracy: {free_volume: 3 %}, at: {pressure: 0.3}}",
     "A*": "ensemble: {accuracy: {contact_area: 6 %}, at: {pressure: 0.3}}",
     "leak": "ensemble: {accuracy: {log_leak_rate: 0.2}, at: {pressure: 0.2}}\n"
     "record: {transport: {transmissivity: every-step}}",

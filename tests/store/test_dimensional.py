@@ -15,7 +15,8 @@ from roughvol.observables.variables import HEIGHT_POWERS, VARIABLES
 from roughvol.store import dataset, dimensional
 from roughvol.store.dataset import Dataset
 from roughvol.store.run_folder import case_file
-from roughvol.study import Study, loads
+from roughvol.study import loads
+from tests.campaign.kit import collected
 
 LEAK = "leak_rate: {pressure_drop: 2 bar, viscosity: 3 mPa*s, unit: mm^3/s}"
 WANTED = f"""
@@ -50,16 +51,6 @@ MADE = {
 }
 
 
-def _made(text: str) -> Dataset:
-    """All cases of a study computed and collected, without files."""
-    study = loads(text)
-    return _collected([run_case(case) for case in study.cases()], study)
-
-
-def _collected(parts: list[Dataset], study: Study) -> Dataset:
-    return dimensional.in_units(dataset.combine(parts, {}), study, study.cases()[0].length_unit)
-
-
 @pytest.fixture(scope="module")
 def plain() -> list[Dataset]:
     return [run_case(case) for case in loads(TEXT).cases()]
@@ -67,7 +58,7 @@ def plain() -> list[Dataset]:
 
 @pytest.fixture(scope="module")
 def results(plain: list[Dataset]) -> Dataset:
-    return _collected(plain, loads(TEXT + WANTED))
+    return collected(loads(TEXT + WANTED), plain)
 
 
 def test_two_parallel_plates_leak_by_the_closed_form(results: Dataset) -> None:
@@ -90,19 +81,17 @@ def test_a_leak_rate_is_the_flow_through_the_stored_gap(results: Dataset) -> Non
     one = results.isel(D=0, m=0, seed=0)
     gap = one.gap.isel(field_at=0).transpose("x", "y").values * float(one.Sq) * 1e-6
     k = gap**3 / (12 * 3e-3)
-    rows, columns = k.shape
-    number = np.arange(k.size).reshape(k.shape)
-    matrix, load, inlet = np.zeros((k.size, k.size)), np.zeros(k.size), np.zeros(k.size)
-    pairs = [(number[i, j], number[i + 1, j]) for i in range(rows - 1) for j in range(columns)]
-    pairs += [(number[i, j], number[i, j + 1]) for i in range(rows) for j in range(columns - 1)]
-    flat = k.ravel()
-    for a, b in pairs:
+    number, flat = np.arange(k.size).reshape(k.shape), k.ravel()
+    first = np.append(number[:-1], number[:, :-1])
+    second = np.append(number[1:], number[:, 1:])
+    matrix, inlet = np.zeros((k.size, k.size)), np.zeros(k.size)
+    for a, b in zip(first, second, strict=True):
         w = 2 * flat[a] * flat[b] / (flat[a] + flat[b]) if flat[a] * flat[b] > 0 else 0.0
         matrix[[a, b], [a, b]] += w
         matrix[[a, b], [b, a]] -= w
     inlet[number[0]] = 2 * flat[number[0]]
-    matrix[number[0], number[0]] += 2 * flat[number[0]]
-    matrix[number[-1], number[-1]] += 2 * flat[number[-1]]
+    for side in (number[0], number[-1]):
+        matrix[side, side] += 2 * flat[side]
     load = inlet * 2e5
     open_ = np.diag(matrix) > 0
     pressure = np.zeros(k.size)
@@ -121,7 +110,7 @@ def test_pressure_volume_and_gaps_are_the_starred_ones_times_their_scales(result
 
 def test_what_is_asked_for_at_a_state_that_no_case_reaches_is_missing_and_told() -> None:
     never = TEXT.replace("every-step", "{contact_area: 0.99}")
-    made = _made(never + WANTED)
+    made = collected(loads(never + WANTED))
     for name in ("leak_rate", "critical_opening"):
         assert made[name].isnull().all()
         assert made[name].sizes == {**made.free_volume.sizes, "axis": 2}
@@ -148,13 +137,13 @@ def test_what_is_added_is_described_with_the_units_asked_for(results: Dataset) -
 )
 def test_the_same_study_in_other_units_gives_the_same_numbers(length: str, modulus: str) -> None:
     small = (TEXT + WANTED).replace("m: 4, seeds: 2, ", "m: 3, seeds: 1, Sq: 1.5 um, ")
-    first, other = _made(small), _made(small.replace("100 um", length).replace("2 GPa", modulus))
+    first, other = collected(loads(small)), collected(loads(small.replace("100 um", length).replace("2 GPa", modulus)))
     for name in MADE:
         assert_allclose(other[name], first[name], rtol=1e-9)
 
 
 def test_without_Sq_the_heights_are_those_of_the_generator_in_the_unit_of_L(results: Dataset) -> None:
-    other = _made((TEXT + WANTED).replace("100 um", "100 mm"))
+    other = collected(loads((TEXT + WANTED).replace("100 um", "100 mm")))
     assert_allclose(other.mean_gap, results.mean_gap * 1e3, rtol=1e-9)
     assert_allclose(other.leak_rate, results.leak_rate * 1e9, rtol=1e-9)
     assert_allclose(other.nominal_pressure, results.nominal_pressure, rtol=1e-9)
@@ -163,15 +152,12 @@ def test_without_Sq_the_heights_are_those_of_the_generator_in_the_unit_of_L(resu
 # Heights scaled to an Sq
 
 
-def test_scaled_heights_are_those_of_a_surface_that_is_rougher(
-    plain: list[Dataset], results: Dataset, tmp_path: Path
-) -> None:
-    scaled = _collected(plain[:1], loads((TEXT + WANTED).replace("L: ", "Sq: 0.7 um, L: ")))
+def test_scaled_heights_are_those_of_a_rougher_surface(plain: list[Dataset], results: Dataset, tmp_path: Path) -> None:
+    scaled = collected(loads((TEXT + WANTED).replace("L: ", "Sq: 0.7 um, L: ")), plain[:1])
     heights = scaled.heights.isel(D=0, m=0, seed=0).transpose("x", "y").values
     np.save(tmp_path / "z.npy", heights)
     text = (TEXT + WANTED).replace("D: 2.3, m: 4, seeds: 2,", "file: z.npy, sides: free,")
-    study = loads(text, tmp_path / "study.yaml")
-    pressed = _collected([run_case(case) for case in study.cases()], study)
+    pressed = collected(loads(text, tmp_path / "study.yaml"))
     assert_allclose(heights.std(), 0.7, rtol=1e-12)
     one, other = scaled.isel(D=0, m=0, seed=0), pressed.isel(case=0)
     names = set(map(str, pressed.data_vars)) - {"iterations", "convolutions", "convolutions_fp32", "residual"}

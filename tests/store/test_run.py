@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import roughvol
-from roughvol.cli import main
 from roughvol.store import StoredRun
+from tests.kit import refused, said
 
 TEXT = """
 surface: {D: 2.3, m: 5, seeds: 1, L: 100 um, Sq: 1 um}
@@ -60,9 +59,7 @@ def _heights(seed: int) -> np.ndarray:
 def _refused(command: list[str], run: str) -> str:
     others = ["scan"] if command[0] == "compare" and not run.startswith(("scan", "runs/scan")) else []
     others = others or (["tiny"] if command[0] == "compare" else [])
-    done = CliRunner().invoke(main, [command[0], run, *others, *command[1:]])
-    assert done.exit_code == 2, done.output
-    return done.stderr
+    return refused(command[0], run, *others, *command[1:])
 
 
 CHANGES = (
@@ -77,9 +74,7 @@ CHANGES = (
     ("command", "old", "new", "difference"),
     [(command, *CHANGES[0]) for command in COMMANDS] + [(COMMANDS[0], *change) for change in CHANGES[1:]],
 )
-def test_a_changed_study_file_does_not_get_the_numbers_of_the_old_one(
-    place: Path, command: list[str], old: str, new: str, difference: str
-) -> None:
+def test_changed_studies_are_refused(place: Path, command: list[str], old: str, new: str, difference: str) -> None:
     Path("tiny.yaml").write_text(TEXT.replace(old, new), encoding="utf-8")
     message = _refused(command, "tiny.yaml")
     assert difference in message
@@ -97,14 +92,12 @@ def test_a_changed_height_file_does_not_get_the_numbers_of_the_old_one(place: Pa
 @pytest.mark.parametrize("run", ["scan", "runs/scan", "runs/scan/study.nc"])
 def test_a_run_opens_by_its_name_without_its_height_file(place: Path, run: str) -> None:
     Path("heights.txt").unlink()
-    assert CliRunner().invoke(main, ["show", run]).exit_code == 0
+    said("show", run)
     assert StoredRun.open(run).name == "scan"
 
 
 @pytest.mark.parametrize("run", ["tiny", "runs/tiny", "runs/tiny/study.nc", "tiny.yaml"])
-def test_an_interrupted_extension_is_not_shown_as_finished(
-    place: Path, monkeypatch: pytest.MonkeyPatch, run: str
-) -> None:
+def test_an_interrupted_extension_is_not_shown(place: Path, monkeypatch: pytest.MonkeyPatch, run: str) -> None:
     Path("tiny.yaml").write_text(TEXT.replace("seeds: 1", "seeds: 3"), encoding="utf-8")
     asked = iter([False, False, True])
     with pytest.raises(KeyboardInterrupt):
@@ -134,7 +127,7 @@ def test_the_results_of_a_run_of_equal_settings_and_other_heights_are_not_those_
 @pytest.mark.parametrize("text", [TEXT + "comment: measured twice\n", "# a comment\n" + TEXT, "name: tiny\n" + TEXT])
 def test_words_of_a_study_file_change_no_number(place: Path, text: str) -> None:
     Path("tiny.yaml").write_text(text, encoding="utf-8")
-    assert CliRunner().invoke(main, ["show", "tiny.yaml"]).exit_code == 0
+    said("show", "tiny.yaml")
 
 
 def test_a_copied_study_nc_opens_in_a_folder_of_its_own(place: Path) -> None:
@@ -146,6 +139,4 @@ def test_a_copied_study_nc_opens_in_a_folder_of_its_own(place: Path) -> None:
 
 def test_a_name_longer_than_any_file_has_no_results(place: Path) -> None:
     for command in ("show", "status", "plot"):
-        done = CliRunner().invoke(main, [command, "n" * 300])
-        assert done.exit_code == 2, done.output
-        assert isinstance(done.exception, SystemExit)
+        refused(command, "n" * 300)

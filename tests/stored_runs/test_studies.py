@@ -79,7 +79,7 @@ def test_the_default_of_height_files_that_changed_is_said(tmp_path: Path, monkey
     np.save("z.npy", np.random.default_rng(0).random((6, 6)))
     text = "surface: {file: z.npy, L: 1%s}\nsweep: {steps: 1, to: {pressure: 0.1}}\n"
     said = "surface.sides is not given: height files are mirrored at their sides; before version 0.16"
-    for sides, times in (("", 1), (", sides: mirrored", 0), (", sides: free", 0)):
+    for sides, times in (("", 1), (", sides: mirrored", 0)):
         Path("s.yaml").write_text(text % sides, encoding="utf-8")
         done = call("run", "s.yaml", "--fresh")
         assert done.exit_code == 0, done.output

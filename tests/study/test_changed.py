@@ -65,21 +65,6 @@ def test_a_changed_study_of_a_file_keeps_its_file_and_its_lines(tmp_path: Path) 
         study.changed(**{"surface.L": -1.0})
 
 
-@pytest.mark.parametrize(
-    ("change", "place"),
-    [
-        ("surfaces.m=5", "--set: surfaces: unknown key"),
-        ("material.layer.thickness=1 um", "--set: material.layer: unknown key"),
-        ("surface.m=x", "--set: surface.m: must be"),
-        ("seal.lenght=1 mm", "--set: seal.lenght: unknown key"),
-    ],
-)
-def test_a_wrong_change_is_not_looked_for_in_the_file(change: str, place: str) -> None:
-    with pytest.raises(StudyError) as refused:
-        loads(TEXT, "changed.yaml", changes=[change])
-    assert place in str(refused.value)
-
-
 def test_a_wrong_key_of_the_file_keeps_its_line_under_a_change_inside() -> None:
     with pytest.raises(StudyError, match=r"changed.yaml:1: surfaces: unknown key"):
         loads("surfaces: {D: 2.3, m: 4}\n", "changed.yaml", changes=["surfaces.m=5"])

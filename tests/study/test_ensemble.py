@@ -7,7 +7,6 @@ import pickle
 import pytest
 
 from roughvol.study import loads
-from tests.study.kit import refused
 
 SURFACE = "surface: {D: 2.5, m: 7}\n"
 ASKED = "ensemble: {accuracy: {free_volume: 1 %}, at: {pressure: [0.1, 0.3]}}\n"
@@ -50,19 +49,6 @@ def test_an_ensemble_without_steps_takes_twenty() -> None:
     assert loads(SURFACE + "sweep: {steps: 30}\n" + ASKED).sweep.steps == 30
     assert loads(SURFACE + "sweep: {pressures: [0.1, 0.3]}\n" + ASKED).sweep.steps == 2
     assert loads(SURFACE).sweep.steps == 60
-
-
-@pytest.mark.parametrize("rest", ["", ASKED])
-def test_steps_are_a_number(rest: str) -> None:
-    text = refused(SURFACE + "sweep: {steps: auto}\n" + rest)
-    assert text.count("\n") == 0
-    assert "a.yaml:2: sweep.steps: left with version 0.13.0; in its place: a number, as 20" in text
-
-
-def test_states_between_listed_ones_arerefused() -> None:
-    text = refused(SURFACE + "sweep: {pressures: [0.1, 0.2]}\n" + ASKED)
-    assert "ensemble.at.pressure[1]: 0.3 is not among sweep.pressures" in text
-    assert "0.3 is not among sweep.separations" in refused(SURFACE + "sweep: {separations: [0.3]}\n" + ASKED)
 
 
 @pytest.mark.parametrize(("accuracy", "rtol"), [("1 %", 1e-4), ("0.9 %", 1e-5), ("20 %", 1e-3), ("0.05", 1e-4)])

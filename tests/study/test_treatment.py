@@ -20,6 +20,7 @@ from roughvol.study.sections.treatment import Lattice, after, nodes_kept, resamp
 from roughvol.surfaces import treatment
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
+from tests.study.kit import table
 
 X, Y = np.meshgrid(np.arange(41.0), np.arange(37.0), indexing="ij")
 MAP = treatment.low_pass(np.random.default_rng(0).normal(size=(41, 37)), 1.0, 5.0)
@@ -75,11 +76,6 @@ def test_a_crop_by_shares_or_by_lengths_keeps_the_nodes_inside(folder: Path, cro
     assert case.id == _case(folder, "file: map.npy, crop: {x: [10 um, 30 um], y: [18 um, 36 um]}").id
 
 
-@pytest.mark.parametrize("L", ["40 um", "0.3 mm", "1.7"])
-def test_a_crop_of_everything_is_no_crop(folder: Path, L: str) -> None:
-    assert _case(folder, "file: map.npy, crop: {x: [0, 1]}", L=L).id == _case(folder, "file: map.npy", L=L).id
-
-
 @settings(max_examples=60, deadline=None)
 @given(st.integers(5, 400), st.lists(st.floats(0.0, 1.0), min_size=4, max_size=4, unique=True))
 def test_a_crop_of_a_crop_lies_in_it(nodes: int, shares: list[float]) -> None:
@@ -108,27 +104,7 @@ def test_what_lies_outside_the_crop_changes_nothing(folder: Path) -> None:
     assert np.array_equal(one.heights, other.heights)
 
 
-@pytest.mark.parametrize(
-    ("keys", "key", "said"),
-    [
-        ("crop: {x: [10 um, 50 um]}", "surface.crop.x", r"reaches to 50 um; allowed: up to 40 um"),
-        ("crop: {y: [0, 40 um]}", "surface.crop.y", r"reaches to 40 um; allowed: up to 36 um"),
-        ("crop: {x: [20 um, 0.5]}", "surface.crop.x", r"0\.5 has no unit and the other position has one"),
-        ("crop: {x: [30 um, 20 um]}", "surface.crop.x", r"must rise"),
-        ("crop: {x: [0.2, 30]}", "surface.crop.x", r"30 is no share of the side, 0 to 1; a length has a unit"),
-        ("crop: {x: 0.5}", "surface.crop.x", r"must be two positions, \[from, to\]"),
-        ("crop: {x: [0.5, 0.53]}", "surface.crop.x", r"leaves 2 nodes along x of 41 nodes; allowed: at least 3"),
-        ("crop: {z: [0, 0.5]}", "surface.crop.z", r"unknown key; allowed: x, y"),
-        ("crop: {x: [0, 2 kg]}", "surface.crop.x[1]", r"unit of length|no known unit|not of length"),
-        ("downsample: 13", "surface.downsample", r"leaves 2 means of 13 x 13 nodes along y of 37 nodes"),
-        ("downsample: 0", "surface.downsample", r"must be >= 1"),
-        ("outliers: {sigma: 1}", "surface.outliers.sigma", r"must be >= 3, given 1"),
-        ("outliers: {window: 4}", "surface.outliers.window", r"must be odd"),
-        ("resample: oblong", "surface.resample", r"must be 'none' or 'square'"),
-        ("resample: square", "surface.resample", r"map\.npy does not give the sides of its pixels"),
-        ("downsample: 2, against: {file: small.npy}", "surface.against.file", r"\(40, 37\) nodes; allowed: \(41, 37\)"),
-    ],
-)
+@pytest.mark.parametrize(("keys", "key", "said"), table("maps.toml")["treatment"])
 def test_what_is_not_allowed_is_refused_by_key(folder: Path, keys: str, key: str, said: str) -> None:
     found, message = _refused(folder, f"file: map.npy, {keys}")
     assert found == key
@@ -219,21 +195,6 @@ def test_the_order_of_all_treatments(folder: Path) -> None:
     text = _case(folder, f"file: spiked.npy, {keys}, low_pass: 8 um").surface_text
     steps = ["cropped to", "removed", "means of 2 x 2", "least-squares tilt", "missing heights", "waves shorter"]
     assert [text.index(step) for step in steps] == sorted(text.index(step) for step in steps)
-
-
-def test_each_treatment_is_part_of_the_id_and_survives_the_resolved_study(folder: Path) -> None:
-    extras = ["", ", crop: {x: [0, 0.5]}", ", crop: {x: [0, 0.5], y: [0, 0.5]}", ", downsample: 2", ", downsample: 3"]
-    extras += [", outliers: {}", ", outliers: {sigma: 7}", ", outliers: {window: 7}"]
-    ids = set()
-    for extra in extras:
-        study = loads(f"surface: {{file: map.npy, L: 40 um{extra}}}", folder / "study.yaml")
-        assert loads(study.to_yaml()) == study
-        (case,) = study.cases()
-        (again,) = loads(study.to_yaml()).cases()
-        assert case == again
-        assert (case.surface_text == "") == (extra == "")
-        ids.add(case.id)
-    assert len(ids) == len(extras)
 
 
 # Two bodies
