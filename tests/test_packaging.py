@@ -61,13 +61,6 @@ def test_the_description_on_pypi_renders_and_refers_to_nothing_that_is_not_there
     assert "docs/pictures/fig05.png" in shown
 
 
-def test_every_picture_and_page_that_the_readme_refers_to_is_in_the_repository() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    targets = [target for target in re.findall(r"\]\(([^)\s]+)\)", text) if not target.startswith(("https:", "#"))]
-    assert targets
-    assert [target for target in targets if not (ROOT / target).exists()] == []
-
-
 def test_the_citation_agrees_with_the_package() -> None:
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert citation["version"] == roughvol.__version__

@@ -15,18 +15,7 @@ import xarray as xr
 from roughvol.analysis.stored_run import Run
 from roughvol.campaign import one_case
 from roughvol.gap.box_counting import box_counts
-from roughvol.reproduction.claims import (
-    ABSENT,
-    CLAIMS,
-    FAILS,
-    HOLDS,
-    QUALIFIED,
-    Check,
-    Claim,
-    Evidence,
-    Number,
-    assess,
-)
+from roughvol.reproduction.claims import ABSENT, CLAIMS, FAILS, HOLDS, QUALIFIED, Check, Claim, Evidence, Number, assess
 from roughvol.reproduction.claims import statistics as stats
 from roughvol.reproduction.claims.ambiguities import readings
 from roughvol.reproduction.claims.density import pooled

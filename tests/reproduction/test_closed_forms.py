@@ -246,21 +246,13 @@ BAD_BINS = {"length": 1.0, "spacing": 0.1, "Sq": 1.0, "area": 1.0}
         (lambda: formulas.bearing_area_volume(0.0, np.ones((3, 3))), SurfaceError, "not flat"),
         (lambda: formulas.persson_area(1.0, 0.0, Sq=1.0, side=1.0), ContactError, "Sdq"),
         (lambda: formulas.plasticity_index(1.0, 1.0, 1.0, 0.0), ContactError, "hardness"),
-        (
-            lambda: formulas.volume_from_dimension(np.ones(1), np.ones(1), **BAD_BINS),
-            ContactError,
-            "K \\+ 1 >= 2",
-        ),
+        (lambda: formulas.volume_from_dimension(np.ones(1), np.ones(1), **BAD_BINS), ContactError, "K \\+ 1 >= 2"),
         (
             lambda: formulas.volume_from_dimension(np.ones(3), np.ones(2), **BAD_BINS),
             ContactError,
             r"\(3,\) and \(2,\)",
         ),
-        (
-            lambda: formulas.volume_from_dimension(-np.arange(3.0), np.ones(3), **BAD_BINS),
-            ContactError,
-            "not decrease",
-        ),
+        (lambda: formulas.volume_from_dimension(-np.arange(3.0), np.ones(3), **BAD_BINS), ContactError, "not decrease"),
         (
             lambda: formulas.volume_from_dimension(np.ones(2), np.ones(2), weight="v", **BAD_BINS),
             ContactError,
