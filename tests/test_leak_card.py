@@ -98,39 +98,25 @@ def test_a_load_beyond_a_sweep_that_ended_closed_is_closed() -> None:
 
 
 def test_json_is_the_object_of_the_contract() -> None:
-    study = _study(SEAL.replace("to: percolation", "to: {pressure: 0.3 MPa}"))
-    card = _card(study, *AT)
+    """The numbers: crossing/test_crossing.py."""
+    card = _card(_study(SEAL.replace("to: percolation", "to: {pressure: 0.3 MPa}")), *AT)
     assert list(card) == ["surfaces", "load", "ways"]
     assert card["surfaces"] == ["D = 2.2, m = 4, seed 1"]
-    assert card["load"]["nominal_pressure"] == pytest.approx(0.02, rel=1e-5)
-    assert card["load"]["mean_pressure"] == pytest.approx(0.02 * 100 / (10 * 0.5), rel=1e-5)
-    run = dataset.read(next(Path("runs/seal_card").glob("**/finest_grid/study.nc"))).isel(D=0, m=0, seed=0)
+    assert list(card["load"]) == ["nominal_pressure", "mean_pressure"]
+    keys = ["axis", "leak", "unit", "leak_interval", "closing_pressure", "closing_pressure_interval", "parts"]
     for axis, way in zip("xy", card["ways"], strict=True):
-        assert list(way) == [
-            *("axis", "leak", "unit", "leak_interval", "closing_pressure", "closing_pressure_interval", "parts")
-        ]
+        assert list(way) == keys
         assert (way["axis"], way["unit"]) == (axis, "mm^3/s")
-        assert way["leak"] == pytest.approx(run["flux_at_leak_rate"].sel(axis=axis).item(), rel=1e-12)
         assert set(way["parts"]) == {"solver", "grid", "window"}
         assert way["parts"]["grid"] is None  # 17 nodes have no coarser grid
-        assert way["leak_interval"] is None
-        per_starred = 10.0 * 0.5 / 100.0  # E* Sq/L
-        closing = run["closing_pressure"].sel(axis=axis).item() * per_starred
-        assert way["closing_pressure"] == pytest.approx(closing, rel=1e-9)
-        assert way["closing_pressure_interval"] is None
+        assert way["leak_interval"] is way["closing_pressure_interval"] is None
     assert not list(Path("runs/seal_card").glob("*.html"))
 
 
-def test_json_of_pressures_is_in_mpa_and_empty_without_units() -> None:
+def test_json_of_pressures_is_in_mpa() -> None:
     kilo = SEAL.replace("pressure: MPa", "pressure: kPa")
     card = _card(_study(kilo), "--at", "pressure=20 kPa")
     assert card["load"]["nominal_pressure"] == pytest.approx(0.02, rel=1e-5)
-    bare = SEAL.replace(f", {FLUID}", "").replace("10 MPa", "10")
-    card = _card(_study(bare, "bare"), "--at", "pressure=0.4")
-    assert card["load"]["nominal_pressure"] is None
-    assert card["load"]["mean_pressure"] == pytest.approx(0.4, rel=1e-5)
-    assert card["ways"][0]["unit"] == "1"
-    assert card["ways"][0]["closing_pressure"] is None
 
 
 def test_several_maps_have_a_card_each_one_together_and_a_table() -> None:
@@ -149,8 +135,6 @@ def test_several_maps_have_a_card_each_one_together_and_a_table() -> None:
     assert page.count("face1.txt") >= 2
     table = (folder / "cards_pressure=0.02_MPa.html").read_text()
     assert table.count("<tr>") == 4
-    card = _card(study, *AT)
-    assert card["surfaces"] == ["face0.txt", "face1.txt"]
 
 
 def test_a_list_of_materials_has_a_card_each_and_a_table() -> None:
@@ -160,10 +144,6 @@ def test_a_list_of_materials_has_a_card_each_and_a_table() -> None:
     folder = Path("runs/seal_card")
     assert len(list(folder.glob("card_*.html"))) == 2
     assert len(list(folder.glob("cards_*.html"))) == 1
-    cards = _card(study, *AT)
-    assert list(cards) == ["E_star = 5 MPa", "E_star = 10 MPa"]
-    soft, hard = (cards[words]["ways"][0]["leak"] for words in cards)
-    assert soft < hard
 
 
 def test_a_variation_of_a_study_has_a_card_of_its_own() -> None:
@@ -171,11 +151,10 @@ def test_a_variation_of_a_study_has_a_card_of_its_own() -> None:
     stiff = (study, *AT, "--set", "material.E_star=20 MPa")
     assert _card(*stiff)["ways"][0]["leak"] > _card(study, *AT)["ways"][0]["leak"]
     _printed(*stiff)
-    _printed(study, "--at", "pressure=0.03 MPa")
+    stem = "card_pressure=0.02_MPa_material.E_star=20_MPa"
     names = {path.name for path in Path("runs/seal_card").glob("*.*")}
-    stems = ("card_pressure=0.02_MPa_material.E_star=20_MPa", "card_pressure=0.03_MPa")
-    assert names == {f"{stem}.{suffix}" for stem in stems for suffix in ("html", "pdf")}
-    assert "seal, material.E_star=20 MPa" in Path("runs/seal_card", f"{stems[0]}.html").read_text()
+    assert names == {f"{stem}.html", f"{stem}.pdf"}
+    assert "seal, material.E_star=20 MPa" in Path("runs/seal_card", f"{stem}.html").read_text()
 
 
 def test_several_loads_have_a_card_each_and_a_table() -> None:
@@ -326,26 +305,23 @@ def test_a_load_that_is_none_is_refused_by_name(at: str, words: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "unit", "words"),
+    ("leak", "words"),
     [
-        (2.79e-4, "mm^3/s", "0.28 mm³ in 1000 s"),
-        (1e-5, "mm^3/s", "0.86 mm³ in a day"),
-        (4e-9, "mm^3/s", "0.13 mm³ in a year"),
-        (4e-12, "mm^3/s", "4 µm³ in 1000 s"),
-        (1.5, "um^3/s", "1.5 µm³/s"),
-        (2e-4, "ml/min", "0.29 ml in a day"),
-        (5e4, "mm^3/s", "50 ml/s"),
-        (0.0, "mm^3/s", "0 mm³/s"),
-        (0.0123, "", "T* V*³ = 0.012"),
+        ((2.79e-4, "mm^3/s"), "0.28 mm³ in 1000 s"),
+        ((2.79e-4, "mm^3/s", (1.26e-4, 6.19e-4)), "0.28 mm³ in 1000 s, between 0.13 and 0.62"),
+        ((2.79e-4, "mm^3/s", (2.77e-4, 2.81e-4)), "0.279 mm³ in 1000 s, between 0.277 and 0.281"),
+        ((1e-5, "mm^3/s"), "0.86 mm³ in a day"),
+        ((4e-9, "mm^3/s"), "0.13 mm³ in a year"),
+        ((4e-12, "mm^3/s"), "4 µm³ in 1000 s"),
+        ((1.5, "um^3/s"), "1.5 µm³/s"),
+        ((2e-4, "ml/min"), "0.29 ml in a day"),
+        ((5e4, "mm^3/s"), "50 ml/s"),
+        ((0.0, "mm^3/s"), "0 mm³/s"),
+        ((0.0123, ""), "T* V*³ = 0.012"),
     ],
 )
-def test_a_leak_is_said_as_a_person_says_it(value: float, unit: str, words: str) -> None:
-    assert card_text.amount(value, unit) == words
-
-
-def test_the_digits_of_a_leak_follow_its_interval() -> None:
-    assert card_text.amount(2.79e-4, "mm^3/s", (1.26e-4, 6.19e-4)) == "0.28 mm³ in 1000 s, between 0.13 and 0.62"
-    assert card_text.amount(2.79e-4, "mm^3/s", (2.77e-4, 2.81e-4)) == "0.279 mm³ in 1000 s, between 0.277 and 0.281"
+def test_a_leak_is_said_as_a_person_says_it_with_the_digits_of_its_interval(leak: Any, words: str) -> None:
+    assert card_text.amount(*leak) == words
 
 
 @pytest.mark.parametrize(
