@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +13,7 @@ from click.testing import CliRunner, Result
 
 from roughvol.cli import main
 
+ROOT = Path(__file__).parents[1]
 LEAKING = """
 surface: {D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}
 material: {E: 10 MPa, nu: 0.5}
@@ -49,3 +53,12 @@ def ran(name: str, text: str) -> str:
     """Write a study to the current folder and run it; return the output."""
     Path(f"{name}.yaml").write_text(text, encoding="utf-8")
     return said("run", f"{name}.yaml", "--jobs", "1")
+
+
+def python(*words: object, first: Path = ROOT, **options: Any) -> subprocess.CompletedProcess[str]:
+    """Return the end of Python in a process of its own that succeeds; modules of a folder come first."""
+    there = os.environ | {"PYTHONPATH": f"{first}{os.pathsep}{ROOT}"}
+    call = [sys.executable, *map(str, words)]
+    done = subprocess.run(call, env=there, capture_output=True, text=True, timeout=290, **options)
+    assert done.returncode == 0, done.stderr
+    return done

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import runpy
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +11,8 @@ import pytest
 from roughvol.observables.variables import VARIABLES
 from roughvol.study import load
 from roughvol.study.reference import keys
-from tests.kit import call, refused, said
+from tests.kit import ROOT, call, python, refused, said
 
-ROOT = Path(__file__).parents[1]
 EXAMPLES = ("ensemble", "metal", "reproduce", "scan", "seal")
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -118,9 +114,6 @@ def test_small_cases_take_about_a_second_of_cpu() -> None:
         "heavy = {'matplotlib', 'scipy.stats', 'distributed'} & set(sys.modules)\n"
         "t = os.times()\nprint(heavy or '', t.user + t.system + t.children_user + t.children_system)"
     )
-    there = {**os.environ, "PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=100, env=there)
-    assert done.returncode == 0, done.stderr
+    done = python("-c", code)
     assert float(done.stdout.split()[-1]) < 5.0
     assert "{" not in done.stdout.splitlines()[-1]

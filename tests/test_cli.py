@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +14,7 @@ import yaml
 
 import roughvol
 from roughvol.store import dataset
-from tests.kit import LEAKING, call, ran, refused, said
+from tests.kit import LEAKING, call, python, ran, refused, said
 
 TEXT = """
 name: tiny
@@ -72,8 +70,7 @@ def test_a_command_that_computes_nothing_imports_only_what_it_uses(place: Path, 
         "    main(command.split(), standalone_mode=False)\n"
         "    print(command, *(name for name in unused.split() if name in sys.modules), file=sys.stderr)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=100)
-    assert done.returncode == 0, done.stderr
+    done = python("-c", code)
     assert [line for line in done.stderr.splitlines() if line.startswith(tuple(unused))] == list(unused)
 
 

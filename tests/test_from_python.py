@@ -41,10 +41,8 @@ def test_the_blocks_run(names: dict[str, Any]) -> None:
 
 def test_the_map_is_one_in_every_form(names: dict[str, Any]) -> None:
     """The comments on numbers hold: 0.02 MPa at the end, a length of 100 um from coordinates."""
-    forms = (
-        roughvol.press(names["scan"], E="10 MPa", nu=0.5, to={"pressure": "0.02 MPa"}, steps=2),
-        roughvol.press(names["heights"], L="100 um", E="10 MPa", nu=0.5, to={"pressure": "0.02 MPa"}, steps=2),
-    )
+    load = {"E": "10 MPa", "nu": 0.5, "to": {"pressure": "0.02 MPa"}, "steps": 2}
+    forms = (roughvol.press(names["scan"], **load), roughvol.press(names["heights"], L="100 um", **load))
     for ds in forms:
         assert float(ds.nominal_pressure[-1]) == pytest.approx(0.02, rel=1e-5)
         assert (float(ds.L), ds.nominal_pressure.units) == (100.0, "MPa")
@@ -57,9 +55,8 @@ def test_the_six_things_give_what_their_comments_say(names: dict[str, Any]) -> N
     assert needed.low <= needed.value <= needed.high
     assert (needed.unit, names["closing"].unit, seal.unit) == ("MPa", "MPa", "mm^3/s")
     assert needed.value < names["closing"].high
-    assert (
-        names["history"].leak["x"].value[0] > names["history"].leak["x"].value[1]
-    )  # a material that creeps seals better
+    first, second = names["history"].leak["x"].value[:2]
+    assert first > second  # a material that creeps seals better
     assert names["cards"].plain()["seal"]["leak"] == seal.leak
     assert all((names["folder"] / page).exists() for page in names["pages"])
     assert set(names["found"].frame()["run"]) == {"m4", "m5"}

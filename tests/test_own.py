@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -18,7 +16,7 @@ from roughvol.observables.variables import QUANTITIES, VARIABLES
 from roughvol.store import dataset
 from roughvol.study import loads
 from roughvol.study.values import own
-from tests.kit import refused, said
+from tests.kit import python, refused, said
 
 STUDY = """
 name: gaps
@@ -237,7 +235,6 @@ def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path):
     (described / "METADATA").write_text("Metadata-Version: 2.1\nName: leakage\nVersion: 1.0\n")
     (described / "entry_points.txt").write_text("[roughvol.observables]\nlargest_gap = leakage:largest\n")
     Path("gaps.yaml").write_text(STUDY.replace("OWN", "largest_gap: largest_gap"))
-    path = os.pathsep.join([str(site), *filter(None, [os.environ.get("PYTHONPATH")])])
 
     script = """if True:
         import sys
@@ -246,26 +243,16 @@ def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path):
             main(words.split(), standalone_mode=False)
     """
 
-    def call(*commands):
-        """Return what commands print, in a process of their own."""
-        done = subprocess.run(
-            [sys.executable, "-c", script, *commands],
-            env={**os.environ, "PYTHONPATH": path},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        return done.stdout
-
     means = ENSEMBLE.replace("OWN", "largest_gap: largest_gap").replace("ACCURACY", "largest_gap: 9 %")
     Path("means.yaml").write_text(means.replace("AT", "last"))
     words = ("explain largest_gap_mean", "explain largest_gap", "run gaps.yaml --jobs 1", "run means.yaml --jobs 2")
-    explained, _, ran = call(*words).partition(" cases in ")  # worker processes find the package, too
+    explained, _, ran = python("-c", script, *words, first=site).stdout.partition(
+        " cases in "
+    )  # worker processes find the package, too
     of_mean = explained.count("mean over all surfaces of the Largest gap")
     assert explained.count("Largest gap") > of_mean > 0
     assert "mean largest_gap at the last step, D = 2.3, m = 4: " in ran
-    shown = call("show gaps --csv", "plot gaps largest_gap_of_p")
+    shown = python("-c", script, "show gaps --csv", "plot gaps largest_gap_of_p", first=site).stdout
     assert "largest_gap" in shown.splitlines()[0]
     assert "largest_gap_of_p.png" in shown
 

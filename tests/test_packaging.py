@@ -15,6 +15,7 @@ import pytest
 import yaml
 
 import roughvol
+from tests.kit import python
 from tests.publish import LIBRARIES, PAGE, extract
 
 ROOT = Path(__file__).parents[1]
@@ -99,8 +100,8 @@ def test_the_build_of_the_site_elsewhere_is_that_of_make_docs() -> None:
 @pytest.mark.parametrize("libraries", LIBRARIES)
 def test_the_sdist_and_its_wheel_install_and_run(libraries: str, tmp_path: Path) -> None:
     kept = tmp_path / "rows.json"
-    words = ("-m", "tests.publish", "--libraries", libraries, "--json", str(kept))
-    done = subprocess.run([sys.executable, *words], cwd=ROOT, capture_output=True, text=True)
+    words = (sys.executable, "-m", "tests.publish", "--libraries", libraries, "--json", str(kept))
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     (row,) = json.loads(kept.read_text(encoding="utf-8"))
     assert row["versions"]["roughvol"] == roughvol.__version__
@@ -108,5 +109,4 @@ def test_the_sdist_and_its_wheel_install_and_run(libraries: str, tmp_path: Path)
 
 
 def test_python_m_roughvol_is_the_command() -> None:
-    done = subprocess.run([sys.executable, "-m", "roughvol", "--version"], capture_output=True, text=True, timeout=100)
-    assert done.stdout.strip() == f"roughvol, version {roughvol.__version__}"
+    assert python("-m", "roughvol", "--version").stdout.strip() == f"roughvol, version {roughvol.__version__}"

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,7 +12,7 @@ import pytest
 from roughvol.cli import main
 from roughvol.cli.group import GROUPS
 from roughvol.report import page
-from tests.kit import LEAKING, answered, call, ran, refused, said
+from tests.kit import LEAKING, answered, call, python, ran, refused, said
 
 STUDY = LEAKING.replace("steps: 8", "steps: 12")
 PLAIN = "surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 3}\n"
@@ -194,9 +191,7 @@ def test_completion_knows_runs_figures_states_and_keys(words: tuple[str, ...], e
 
 def test_progress_of_many_cases_takes_few_lines_off_a_terminal(tmp_path: Path) -> None:
     (tmp_path / "many.yaml").write_text("surface: {D: 2.3, m: 3, seeds: 40}\nsweep: {steps: 2}\n", encoding="utf-8")
-    there = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), "OMP_NUM_THREADS": "1"}
-    call = [sys.executable, "-m", "roughvol", "run", "many.yaml", "--jobs", "1"]
-    done = subprocess.run(call, cwd=tmp_path, env=there, capture_output=True, text=True, check=True)
+    done = python("-m", "roughvol", "run", "many.yaml", "--jobs", "1", cwd=tmp_path)
     seconds = float(done.stdout.split()[3])
     lines = [line for line in done.stderr.splitlines() if ": done · " in line]
     assert 1 <= len(lines) <= seconds + 2

@@ -23,6 +23,7 @@ from roughvol.reproduction.claims.evidence import Lacking, area_slopes, at
 from roughvol.reproduction.claims.many_seeds import many_seeds
 from roughvol.reproduction.claims.shape import fitted_dimension
 from roughvol.reproduction.claims.verdict import above, below, plain
+from roughvol.reproduction.judgement import Judgement
 from roughvol.reproduction.needs import Needs
 from roughvol.store import dataset
 from roughvol.study import GeneratedSurface, Study, loads
@@ -35,8 +36,8 @@ def small(small_study: Path) -> Run:
 
 
 @pytest.fixture(scope="module")
-def claims(small: Run) -> dict[int, Claim]:
-    return {claim.id: claim for claim in assess(_any(small))}
+def claims(answered: Judgement) -> dict[int, Claim]:
+    return {claim.id: claim for claim in answered.claims}
 
 
 def _any(*runs: Run) -> Evidence:

@@ -64,11 +64,6 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def answered(small_study: Path) -> Judgement:
-    return judge([small_study], any_size=True)
-
-
-@pytest.fixture(scope="module")
 def report(answered: Judgement) -> report_page.Report:
     return report_of(answered)
 
