@@ -31,20 +31,11 @@ def _columns(text: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.split("  ") if cell.strip()] for line in text.splitlines()]
 
 
-@pytest.fixture(scope="module")
-def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with three finished runs and what the commands printed."""
-    place = tmp_path_factory.mktemp("numbers")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(place)
-        for name, text in (("wet", WET), ("dry", DRY), ("path", PATH)):
-            Path(f"{name}.txt").write_text(ran(name, text), encoding="utf-8")
-    return place
-
-
-@pytest.fixture(autouse=True)
-def _there(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(place)
+@pytest.fixture(scope="module", autouse=True)
+def _runs(there: Path) -> None:
+    """Three finished runs, and what the commands printed."""
+    for name, text in (("wet", WET), ("dry", DRY), ("path", PATH)):
+        Path(f"{name}.txt").write_text(ran(name, text), encoding="utf-8")
 
 
 def test_a_run_ends_with_its_chief_states_in_the_units_of_the_study() -> None:

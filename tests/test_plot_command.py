@@ -19,12 +19,9 @@ sweep: {steps: 6}
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _place(tmp_path_factory: pytest.TempPathFactory) -> object:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(tmp_path_factory.mktemp("plotted"))
-        ran("plain", PLAIN)
-        ran("leaking", TWO)
-        yield
+def _runs(there: Path) -> None:
+    ran("plain", PLAIN)
+    ran("leaking", TWO)
 
 
 @pytest.mark.parametrize("suffix", ["pdf", "svg"])

@@ -33,16 +33,13 @@ NUMBERS: dict[str, tuple[str, ...]] = {  # commands that print numbers
 
 
 @pytest.fixture(scope="module", autouse=True)
-def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    folder = tmp_path_factory.mktemp("vocabulary")
+def _runs(there: Path) -> Iterator[None]:
+    for name, text in (("tiny", STUDY), ("other", STUDY), ("plain", PLAIN)):
+        ran(name, text)
+    Path("creep.yaml").write_text("power: {exponent: 0.02, time: 1 s}\n", encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
         patch.setattr(page, "drawings_of", lambda *_: ())  # figures of a report: reproduction/test_report.py
-        ran("tiny", STUDY)
-        ran("other", STUDY)
-        ran("plain", PLAIN)
-        Path("creep.yaml").write_text("power: {exponent: 0.02, time: 1 s}\n", encoding="utf-8")
-        yield folder
+        yield
 
 
 def _options(command: click.Command) -> dict[str, click.Option]:
