@@ -69,9 +69,8 @@ def test_the_page_has_every_function_of_the_package() -> None:
 
 
 def test_the_records_of_the_page_have_the_attributes_that_it_names() -> None:
-    rows = re.findall(
-        r"^\| (.*?) ?\| `([a-z_.]+\.[A-Z]\w+)` \| (.*) \|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE
-    )
+    row = re.compile(r"^\| (.*?) ?\| `([a-z_.]+\.[A-Z]\w+)` \| (.*) \|$", re.MULTILINE)
+    rows = row.findall(PAGE.read_text(encoding="utf-8"))
     functions = set()
     for function, path, names in rows:
         module, _, name = f"roughvol.{path}".rpartition(".")

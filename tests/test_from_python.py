@@ -62,9 +62,8 @@ def test_the_six_things_give_what_their_comments_say(names: dict[str, Any]) -> N
     assert set(names["found"].frame()["run"]) == {"m4", "m5"}
     saved = pd.read_csv(names["folder"] / "joint.csv")
     assert list(saved["state"]) == ["pressure=0.1 MPa"] * 2 + ["pressure=0.2 MPa"] * 2
-    assert saved["leak_rate_x"].to_numpy()[2:] == pytest.approx(
-        at_load.leak_rate.sel(axis="x").values.ravel(), rel=1e-6
-    )
+    leak = at_load.leak_rate.sel(axis="x").values.ravel()
+    assert saved["leak_rate_x"].to_numpy()[2:] == pytest.approx(leak, rel=1e-6)
 
 
 def test_messages_begin_as_their_comments_say(names: dict[str, Any]) -> None:

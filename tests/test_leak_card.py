@@ -247,9 +247,8 @@ def test_a_page_has_what_the_numbers_rest_on() -> None:
 
 
 def test_fluid_pressure_gives_the_lifted_leak_with_the_dry_leak_named() -> None:
-    text = (
-        PRESSED.replace("[1]", "[1], sides: periodic").replace("name: seal", "name: lift").replace("5 mbar", "0.4 bar")
-    )
+    text = PRESSED.replace("[1]", "[1], sides: periodic").replace("name: seal", "name: lift")
+    text = text.replace("5 mbar", "0.4 bar")
     ran("lift", text.replace(", dimensional", ", fluid_pressure: {inlet: 0.4 bar}, dimensional"))
     study = "lift.yaml"
     stored = dataset.read(Path("runs/lift/study.nc")).isel(D=0, m=0, seed=0, fluid_at=0)
@@ -269,9 +268,8 @@ def test_fluid_pressure_gives_the_lifted_leak_with_the_dry_leak_named() -> None:
 
 def test_the_second_leg_of_a_path_has_a_card() -> None:
     text = SEAL.replace("{E_star: 10 MPa}", "{E: 200 GPa, nu: 0.3, hardness: 5 GPa}")
-    study = _study(
-        text.replace("{steps: 8, to: percolation}", "[{steps: 3, to: {pressure: 1}}, {steps: 3, to: {pressure: 0.1}}]")
-    )
+    legs = "[{steps: 3, to: {pressure: 1}}, {steps: 3, to: {pressure: 0.1}}]"
+    study = _study(text.replace("{steps: 8, to: percolation}", legs))
     leaks = {}
     for at in ("pressure=0.3", "pressure=0.3, leg 2"):
         leaks[at] = _card(study, "--at", at)["ways"][1]["leak"]

@@ -130,15 +130,8 @@ def test_a_load_is_a_text_a_mapping_or_several(units: Any) -> None:
     assert levels({"pressure": [0.5, 1.0] * units.MPa}) == [parse("pressure=0.5 MPa"), parse("pressure=1 MPa")]
     assert levels([{"contact_area": np.float64(0.1)}, "last"]) == [Level("contact_area", 0.1), Level("last")]
     assert levels({"pressure": Quantity(0.5, "MPa")}) == [parse("pressure=0.5 MPa")]
-    for wrong in (
-        0.5,
-        {"pressure": "1 mm"},
-        {"pressure": 1 * units.mm},
-        {},
-        {"pressure": 1, "load": 2},
-        [0.5],
-        "force=1",
-    ):
+    wrongs = (0.5, {}, [0.5], "force=1", {"pressure": "1 mm"}, {"pressure": 1 * units.mm}, {"pressure": 1, "load": 2})
+    for wrong in wrongs:
         with pytest.raises(DatasetError):
             levels(wrong)  # type: ignore[arg-type]
 

@@ -283,12 +283,8 @@ def _fabricated(name: str, offset: float = 0.0, **changes: object) -> Run:
     surface = study.surface
     assert isinstance(surface, GeneratedSurface)
     sizes = {"D": len(surface.D), "m": len(surface.m), "seed": len(surface.seeds), "step": study.sweep.steps}
-    D, m, seed, step = (
-        axis.reshape([-1 if place == k else 1 for k in range(4)])
-        for place, axis in enumerate(
-            [np.array(surface.D), np.array(surface.m), np.array(surface.seeds), np.arange(1, sizes["step"] + 1)]
-        )
-    )
+    along = [surface.D, surface.m, surface.seeds, np.arange(1, sizes["step"] + 1)]
+    D, m, seed, step = np.meshgrid(*map(np.array, along), indexing="ij", sparse=True)
     scatter = 1.0 + 0.02 * np.sin(5.0 * seed + 1.0) + offset
     p = 1.5 * (step / max(sizes["step"], 1)) ** 1.5 * np.ones_like(D * m * scatter)
     area = p * 0.8 * np.exp(-1.5 * (D - 2.0)) * 2.0 ** (-0.37 * m) * scatter
