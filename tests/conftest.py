@@ -140,6 +140,22 @@ def _saved_blank(figure: Any, saved: Any, file: Any, **options: Any) -> None:
     saved(type(figure)(figsize=figure.get_size_inches()), file, **options | {"dpi": 40})
 
 
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder, which is the current folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def there(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """An empty folder, which is the current folder in all tests of a module."""
+    folder = tmp_path_factory.mktemp("there")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        yield folder
+
+
 @pytest.fixture(scope="session")
 def small_study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The stored answer (study.nc) of tests/regression/small.yaml."""

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import runpy
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,41 +11,36 @@ import pytest
 from roughvol.observables.variables import VARIABLES
 from roughvol.study import load
 from roughvol.study.reference import keys
-from tests.kit import call
+from tests.kit import ROOT, call, python, refused, said
 
-ROOT = Path(__file__).parents[1]
 EXAMPLES = ("ensemble", "metal", "reproduce", "scan", "seal")
-
-
-@pytest.fixture(autouse=True)
-def _empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+pytestmark = pytest.mark.usefixtures("here")
 
 
 @pytest.mark.parametrize("arguments", [["init"], ["init", "--list"], ["init", "seal", "--list"]])
 def test_init_lists_the_examples_and_writes_nothing(arguments: list[str]) -> None:
-    shown = call(*arguments)
-    assert shown.exit_code == 0
-    assert [line.split()[0] for line in shown.stdout.splitlines()[1:-1]] == list(EXAMPLES)
+    assert [line.split()[0] for line in said(*arguments).splitlines()[1:-1]] == list(EXAMPLES)
     assert list(Path().iterdir()) == []
 
 
 @pytest.mark.parametrize("example", EXAMPLES)
 def test_init_writes_a_study_that_is_understood(example: str) -> None:
-    written = call("init", example)
-    assert written.exit_code == 0, written.output
+    written = said("init", example)
     study = load(f"{example}.yaml")
     assert study.name == example
     assert study.cases()
-    assert f"roughvol run {example}.yaml" in written.stdout
+    assert f"roughvol run {example}.yaml" in written
 
 
-@pytest.mark.parametrize("example", ["seal", "scan", "metal"])
-def test_examples_with_units_run_without_a_warning(example: str) -> None:
-    assert call("init", example).exit_code == 0
+@pytest.mark.parametrize(("example", "load"), [("seal", "10 kPa"), ("scan", "10 kPa"), ("metal", "1 MPa")])
+def test_examples_with_units_run_without_a_warning_and_show_a_leak_rate(example: str, load: str) -> None:
+    said("init", example)
     done = call("run", f"{example}.yaml", "--jobs", "1")
     assert done.exit_code == 0, done.output
     assert "warning" not in done.output
+    head, row = (line.split("  ") for line in said("show", example, "--at", f"pressure={load}").splitlines()[:2])
+    assert any("Q_x [mm^3/s]" in cell for cell in head)
+    assert row[0].startswith(f"pressure={load}")
 
 
 def test_the_study_of_a_height_map_says_its_sides() -> None:
@@ -59,7 +51,7 @@ def test_the_study_of_a_height_map_says_its_sides() -> None:
         (["--set", "surface.sides=free"], "free"),
         (["--set", "surface.sides=periodic", "--set", "surface.level=none"], "periodic"),
     ):
-        assert call("init", "face.txt", *given, *more).exit_code == 0
+        said("init", "face.txt", *given, *more)
         assert load("face.yaml").surface.sides == sides
         assert f"sides {sides}: " in call("check", "face.yaml").output
         assert "# sides: mirrored, the map is a part of a joint" in Path("face.yaml").read_text(encoding="utf-8")
@@ -68,61 +60,35 @@ def test_the_study_of_a_height_map_says_its_sides() -> None:
 
 def test_init_overwrites_nothing() -> None:
     Path("scan.txt").write_text("mine", encoding="utf-8")
-    refused = call("init", "scan")
-    assert refused.exit_code == 2
-    assert "scan.txt; nothing was written" in refused.stderr
+    assert "scan.txt; nothing was written" in refused("init", "scan")
     assert [path.name for path in Path().iterdir()] == ["scan.txt"]
     assert Path("scan.txt").read_text(encoding="utf-8") == "mine"
 
 
-def test_init_of_no_example_names_the_nearest() -> None:
-    refused = call("init", "sael")
-    assert refused.exit_code == 2
-    assert "did you mean seal?" in refused.stderr
+@pytest.mark.parametrize(
+    ("arguments", "proposed"), [(("init", "sael"), "seal?"), (("explain", "surface.fiel"), "surface.file")]
+)
+def test_an_unknown_name_has_the_nearest_proposed(arguments: tuple[str, str], proposed: str) -> None:
+    assert f"did you mean {proposed}" in refused(*arguments)
 
 
-def test_three_commands_print_a_leak_rate() -> None:
-    for arguments in (
-        ["init", "scan"],
-        ["run", "scan.yaml", "--jobs", "1"],
-        ["show", "scan", "--at", "pressure=10kPa"],
-    ):
-        done = call(*arguments)
-        assert done.exit_code == 0, done.output
-    head, row = (line.split("  ") for line in done.stdout.splitlines()[:2])
-    assert any("Q_x [mm^3/s]" in cell for cell in head)
-    assert row[0] == "pressure=10 kPa"
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("surface.file", ("must be given", "height field")),
+        ("sweep", ("sweep.steps", "{steps: 60, to: mean-plane, equal: indentation}")),
+        ("leak_rate", ("length^3/time", "volume flow along the axis")),
+    ],
+)
+def test_explain_gives_values_default_unit_and_meaning(name: str, words: tuple[str, str]) -> None:
+    shown = said("explain", name)
+    assert [part for part in words if part not in shown] == []
 
 
-def test_help_points_to_what_a_wheel_has() -> None:
-    shown = call("--help").output
-    assert "roughvol init" in shown
-    assert "configs/" not in shown
-
-
-def test_explain_gives_values_default_and_meaning_of_a_key() -> None:
-    shown = call("explain", "surface.file").stdout
-    assert "must be given" in shown
-    assert "height field" in shown
-    shown = call("explain", "sweep").stdout
-    assert "sweep.steps" in shown
-    assert "{steps: 60, to: mean-plane, equal: indentation}" in shown
-
-
-def test_explain_gives_units_and_meaning_of_a_variable() -> None:
-    shown = call("explain", "leak_rate").stdout
-    assert "length^3/time" in shown
-    assert "volume flow along the axis" in shown
+def test_explain_knows_every_variable_and_the_columns_of_the_tables() -> None:
     for name in VARIABLES:
-        assert call("explain", name).exit_code == 0
-    column = call("explain", "transmissivity_x").stdout  # of the tables
-    assert call("explain", "transmissivity").stdout.startswith(column)
-
-
-def test_explain_of_an_unknown_name_proposes_others() -> None:
-    refused = call("explain", "surface.fiel")
-    assert refused.exit_code == 2
-    assert "did you mean surface.file" in refused.stderr
+        said("explain", name)
+    assert said("explain", "transmissivity").startswith(said("explain", "transmissivity_x"))
 
 
 def test_every_key_has_a_description_and_values() -> None:
@@ -140,18 +106,14 @@ def test_the_page_of_the_reference_is_as_its_command_writes_it() -> None:
 
 
 @pytest.mark.processes
-@pytest.mark.parametrize("seeds", [4])
-def test_small_cases_take_about_a_second_of_cpu(seeds: int) -> None:
-    Path("t.yaml").write_text(f"surface: {{D: 2.3, m: 4, seeds: {seeds}}}\nsweep: {{steps: 10}}\n", encoding="utf-8")
+def test_small_cases_take_about_a_second_of_cpu() -> None:
+    Path("t.yaml").write_text("surface: {D: 2.3, m: 4, seeds: 4}\nsweep: {steps: 10}\n", encoding="utf-8")
     code = (
         "import os, sys\nfrom roughvol.cli import main\n"
         "main(['run', 't.yaml'], standalone_mode=False)\n"
         "heavy = {'matplotlib', 'scipy.stats', 'distributed'} & set(sys.modules)\n"
         "t = os.times()\nprint(heavy or '', t.user + t.system + t.children_user + t.children_system)"
     )
-    there = {**os.environ, "PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=100, env=there)
-    assert done.returncode == 0, done.stderr
+    done = python("-c", code)
     assert float(done.stdout.split()[-1]) < 5.0
     assert "{" not in done.stdout.splitlines()[-1]

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from extremes.matrix import CELLS, Cell
 
 
-@pytest.mark.parametrize(
-    "cell",
-    [
-        pytest.param(cell, id=f"{cell.group} {cell.name}", marks=[] if cell.quick else [pytest.mark.slow])
-        for cell in CELLS
-    ],
-)
+def _named(cell: Cell) -> Any:
+    return pytest.param(cell, id=f"{cell.group} {cell.name}", marks=[] if cell.quick else [pytest.mark.slow])
+
+
+@pytest.mark.parametrize("cell", [_named(cell) for cell in CELLS])
 def test_extreme(cell: Cell) -> None:
     found = cell.run()
     assert found.residual <= 0.1

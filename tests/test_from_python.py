@@ -41,10 +41,8 @@ def test_the_blocks_run(names: dict[str, Any]) -> None:
 
 def test_the_map_is_one_in_every_form(names: dict[str, Any]) -> None:
     """The comments on numbers hold: 0.02 MPa at the end, a length of 100 um from coordinates."""
-    forms = (
-        roughvol.press(names["scan"], E="10 MPa", nu=0.5, to={"pressure": "0.02 MPa"}, steps=2),
-        roughvol.press(names["heights"], L="100 um", E="10 MPa", nu=0.5, to={"pressure": "0.02 MPa"}, steps=2),
-    )
+    load = {"E": "10 MPa", "nu": 0.5, "to": {"pressure": "0.02 MPa"}, "steps": 2}
+    forms = (roughvol.press(names["scan"], **load), roughvol.press(names["heights"], L="100 um", **load))
     for ds in forms:
         assert float(ds.nominal_pressure[-1]) == pytest.approx(0.02, rel=1e-5)
         assert (float(ds.L), ds.nominal_pressure.units) == (100.0, "MPa")
@@ -57,17 +55,15 @@ def test_the_six_things_give_what_their_comments_say(names: dict[str, Any]) -> N
     assert needed.low <= needed.value <= needed.high
     assert (needed.unit, names["closing"].unit, seal.unit) == ("MPa", "MPa", "mm^3/s")
     assert needed.value < names["closing"].high
-    assert (
-        names["history"].leak["x"].value[0] > names["history"].leak["x"].value[1]
-    )  # a material that creeps seals better
+    first, second = names["history"].leak["x"].value[:2]
+    assert first > second  # a material that creeps seals better
     assert names["cards"].plain()["seal"]["leak"] == seal.leak
     assert all((names["folder"] / page).exists() for page in names["pages"])
     assert set(names["found"].frame()["run"]) == {"m4", "m5"}
     saved = pd.read_csv(names["folder"] / "joint.csv")
     assert list(saved["state"]) == ["pressure=0.1 MPa"] * 2 + ["pressure=0.2 MPa"] * 2
-    assert saved["leak_rate_x"].to_numpy()[2:] == pytest.approx(
-        at_load.leak_rate.sel(axis="x").values.ravel(), rel=1e-6
-    )
+    leak = at_load.leak_rate.sel(axis="x").values.ravel()
+    assert saved["leak_rate_x"].to_numpy()[2:] == pytest.approx(leak, rel=1e-6)
 
 
 def test_messages_begin_as_their_comments_say(names: dict[str, Any]) -> None:

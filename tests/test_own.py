@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import roughvol
 from roughvol.campaign import collect
-from roughvol.cli import main
 from roughvol.errors import CampaignError, DatasetError, StudyError
 from roughvol.observables.variables import QUANTITIES, VARIABLES
 from roughvol.store import dataset
 from roughvol.study import loads
 from roughvol.study.values import own
+from tests.kit import python, refused, said
 
 STUDY = """
 name: gaps
@@ -74,11 +71,17 @@ ensemble: {accuracy: {ACCURACY}, at: AT}
 TUTORIAL = Path(__file__).parents[1] / "docs" / "tutorials" / "own-quantity.md"
 
 
+def forget():
+    """Import the modules of quantities anew, as another process does."""
+    for module in ("mine", "gaps"):
+        sys.modules.pop(module, None)
+    own.function_of.cache_clear()
+
+
 def study(functions, version="", text=STUDY):
     """A study with quantities, after its module is written to the current folder."""
     Path("mine.py").write_text(MODULE.replace("VERSION", version))
-    sys.modules.pop("mine", None)
-    own.function_of.cache_clear()
+    forget()
     return loads(text.replace("OWN", functions))
 
 
@@ -88,15 +91,13 @@ def ensemble(functions, accuracy, at="{indentation: [0.5, 1.1]}"):
 
 
 @pytest.fixture(autouse=True)
-def _folder(tmp_path, monkeypatch):
+def _folder(here):
     """Work in an empty folder; leave no rows and no module behind."""
-    monkeypatch.chdir(tmp_path)
     before = set(VARIABLES)
     yield
     for name in set(VARIABLES) - before:
         del VARIABLES[name], QUANTITIES[name]
-    sys.modules.pop("mine", None)
-    own.function_of.cache_clear()
+    forget()
 
 
 def test_numbers_and_arrays_are_stored_averaged_read_between_steps_and_drawn():
@@ -125,8 +126,7 @@ def test_a_new_version_computes_anew_and_an_absent_function_leaves_what_is_store
     assert len({case.id for case in (*first, *second, *without)}) == 6
     ds = roughvol.run(study("largest_gap: mine:largest"), jobs=1)
     Path("mine.py").unlink()
-    sys.modules.pop("mine", None)
-    own.function_of.cache_clear()
+    forget()
     again = roughvol.open("gaps")
     np.testing.assert_array_equal(again.largest_gap, ds.largest_gap)
     assert roughvol.plot("gaps", "largest_gap_of_p").axes
@@ -183,11 +183,7 @@ def test_the_mean_of_a_function_is_that_of_the_built_in_quantity_it_returns_to_t
 @pytest.mark.parametrize(
     ("functions", "accuracy", "words"),
     [
-        (
-            "halves: mine:halves",
-            "halves: 5 %",
-            "7: ensemble.accuracy.halves: mine:halves returns an array over half",
-        ),
+        ("halves: mine:halves", "halves: 5 %", "7: ensemble.accuracy.halves: mine:halves returns an array over half"),
         ("bad: mine:rows", "bad: 5 %", r"6: record.own.bad: mine:rows returns shape \(1, 5\); allowed: a number"),
         ("bad: mine:failing", "bad: 5 %", r"6: record.own.bad: mine:failing fails at p\* = .*ZeroDivisionError"),
         ("nan: mine:closed", "nan: 5 %", "7: ensemble.accuracy.nan: has no value at last .*: its function returns no"),
@@ -200,9 +196,8 @@ def test_a_mean_that_cannot_be_taken_is_refused_with_its_place(functions, accura
     Path("x.yaml").write_text(ENSEMBLE.replace("OWN", functions).replace("ACCURACY", accuracy).replace("AT", "last"))
     study("p: mine:p")
     for command in ("check", "run"):
-        done = CliRunner().invoke(main, [command, "x.yaml"])
-        assert done.exit_code == 2
-        assert re.match(f"  x.yaml:{words}", done.output.splitlines()[-1]), done.output
+        told = refused(command, "x.yaml")
+        assert re.match(f"  x.yaml:{words}", told.splitlines()[-1]), told
 
 
 def test_check_of_a_height_file_takes_a_function():
@@ -210,9 +205,7 @@ def test_check_of_a_height_file_takes_a_function():
     text = STUDY.replace("OWN", "largest: mine:largest").replace("D: 2.3, m: 4", "file: map.txt")
     study("largest: mine:largest")
     Path("map.yaml").write_text(text.replace(", Sq: 1 um, seeds: 2", ""))
-    done = CliRunner().invoke(main, ["check", "map.yaml"], catch_exceptions=False)
-    assert done.exit_code == 0, done.output
-    assert "# surface 12 x 14 nodes" in done.output
+    assert "# surface 12 x 14 nodes" in said("check", "map.yaml")
 
 
 def test_explain_describes_a_function_as_a_stored_variable():
@@ -236,7 +229,7 @@ def test_explain_describes_a_function_and_its_mean_by_the_name_in_a_run():
         assert (found.name, found.variable.symbol) == (name, stored[name].attrs["symbol"])
         assert found.variable.long_name == stored[name].attrs["long_name"]
     assert [key.path for key in roughvol.explain("width").others] == ["seal.width"]
-    mean = CliRunner().invoke(main, ["explain", "width_mean"]).output
+    mean = said("explain", "width_mean")
     assert "mean over all surfaces of the Largest gap" in mean
     assert "record.own: {width: mine:largest}, ensemble.accuracy: {width: 5 %}" in mean
     for name in ("width_median", "halves_mean"):
@@ -252,7 +245,6 @@ def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path):
     (described / "METADATA").write_text("Metadata-Version: 2.1\nName: leakage\nVersion: 1.0\n")
     (described / "entry_points.txt").write_text("[roughvol.observables]\nlargest_gap = leakage:largest\n")
     Path("gaps.yaml").write_text(STUDY.replace("OWN", "largest_gap: largest_gap"))
-    path = os.pathsep.join([str(site), *filter(None, [os.environ.get("PYTHONPATH")])])
 
     script = """if True:
         import sys
@@ -261,26 +253,15 @@ def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path):
             main(words.split(), standalone_mode=False)
     """
 
-    def call(*commands):
-        """Return what commands print, in a process of their own."""
-        done = subprocess.run(
-            [sys.executable, "-c", script, *commands],
-            env={**os.environ, "PYTHONPATH": path},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        return done.stdout
-
-    explained = call("explain largest_gap_mean", "explain largest_gap")
-    of_mean = explained.count("mean over all surfaces of the Largest gap")
-    assert explained.count("Largest gap") > of_mean > 0
     means = ENSEMBLE.replace("OWN", "largest_gap: largest_gap").replace("ACCURACY", "largest_gap: 9 %")
     Path("means.yaml").write_text(means.replace("AT", "last"))
-    ran = call("run gaps.yaml --jobs 1", "run means.yaml --jobs 2")  # worker processes find the package, too
+    words = ("explain largest_gap_mean", "explain largest_gap", "run gaps.yaml --jobs 1", "run means.yaml --jobs 2")
+    printed = python("-c", script, *words, first=site).stdout  # worker processes find the package, too
+    explained, _, ran = printed.partition(" cases in ")
+    of_mean = explained.count("mean over all surfaces of the Largest gap")
+    assert explained.count("Largest gap") > of_mean > 0
     assert "mean largest_gap at the last step, D = 2.3, m = 4: " in ran
-    shown = call("show gaps --csv", "plot gaps largest_gap_of_p")
+    shown = python("-c", script, "show gaps --csv", "plot gaps largest_gap_of_p", first=site).stdout
     assert "largest_gap" in shown.splitlines()[0]
     assert "largest_gap_of_p.png" in shown
 
@@ -291,7 +272,8 @@ def test_the_tutorial_runs_from_an_empty_folder():
     assert len([line for line in module.splitlines() if line.strip()]) <= 12
     Path("gaps.py").write_text(module)
     Path("seal.yaml").write_text(yaml.replace("m: 6", "m: 4"))
-    script = f"import roughvol; roughvol.run('seal.yaml', jobs=1)\n{use}\nprint(float(ds.gap_share.sum()))"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert 38.0 < float(done.stdout.split()[-1]) <= 40.0  # 10 steps of 4 surfaces, but for gaps beyond the last class
+    roughvol.run("seal.yaml", jobs=1)
+    names = {}
+    exec(use, names)
+    total = float(names["ds"].gap_share.sum())
+    assert 38.0 < total <= 40.0  # 10 steps of 4 surfaces, but for gaps beyond the last class

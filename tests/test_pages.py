@@ -17,15 +17,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from roughvol import __version__, cli, study
+from roughvol import __version__, study
 from roughvol.campaign import one_case
 from roughvol.store import dataset, run_folder, stamped_file
 from roughvol.store.dataset import Dataset
 from tests.bench import solver, tables
 from tests.extremes.__main__ import HEAD, TAIL
 from tests.extremes.matrix import CELLS
+from tests.kit import said
 
 ROOT = Path(__file__).parents[1]
 MINOR = tables.minor(__version__)
@@ -121,13 +121,15 @@ def test_what_other_pages_take_from_the_page_of_the_tradeoff_is_there() -> None:
         assert sentence.format(counts[name]) in text
 
 
-@pytest.mark.parametrize("group", ["tutorials", "how-to", "reference", "explanation"])
-def test_the_readme_leads_to_each_group(group: str) -> None:
-    assert f"](docs/{group}/index.md)" in _text("README.md")
-
-
-def test_the_readme_is_short() -> None:
-    assert len(_text("README.md").splitlines()) <= 90
+def test_the_readme_is_short_and_leads_to_each_group() -> None:
+    text = _text("README.md")
+    assert len(text.splitlines()) <= 90
+    assert set(re.findall(r"\]\(docs/([a-z-]+)/index\.md\)", text)) == {
+        "tutorials",
+        "how-to",
+        "reference",
+        "explanation",
+    }
 
 
 @pytest.mark.parametrize("page", PROSE)
@@ -204,13 +206,13 @@ def test_the_life_of_a_study_passes_its_stations_in_order(tmp_path: Path) -> Non
     first, last = map(int, worker.groups())
     codes = [_code(name) for _, name in rows]
     (tmp_path / "tiny.yaml").write_text("surface: {D: 2.5, m: 2, seeds: 2}\nsweep: {steps: 1}\n")
-    arguments = ["run", str(tmp_path / "tiny.yaml"), "--jobs", "1", "--out", str(tmp_path / "tiny")]
+    arguments = ("run", tmp_path / "tiny.yaml", "--jobs", "1", "--out", tmp_path / "tiny")
     (case, _) = study.load(tmp_path / "tiny.yaml").cases()
     made: list[Dataset] = []
     there = _calls(lambda: made.append(one_case.run_case(case)))
     stamped_file.make_folder(tmp_path / "tiny" / "cases")
     stamped_file.store(run_folder.case_file(tmp_path / "tiny", case.id), dataset.to_bytes(made[0]))
-    here = _calls(lambda: CliRunner().invoke(cli.main, arguments, catch_exceptions=False))
+    here = _calls(lambda: said(*arguments))
     assert _not_passed(codes[first - 1 : last], there) == []
     assert _not_passed(codes[: first - 1] + codes[last:], here) == []
 

@@ -17,12 +17,19 @@ from roughvol.observables.variables import VARIABLES
 from roughvol.study import Level, Quantity, changes_of, convert, levels, loads, of_data, parse
 
 HEIGHTS = 0.5 * np.random.default_rng(0).normal(size=(9, 9))  # um
-OF_A_STUDY = {
-    "length": "um",
-    "time": "s",
-    "pressure": "N/mm²",
-    "throughput": "mbar·l/s",
-}  # in place of kinds in the table
+OF_A_STUDY = {"length": "um", "time": "s", "pressure": "N/mm²", "throughput": "mbar·l/s"}  # for kinds in the table
+STUDY = """
+name: units
+surface: {D: 2.3, m: 3, L: 0.1 mm, Sq: 0.001 mm, seeds: 1, sides: mirrored}
+material: {E: 10 N/mm², nu: 0.5}
+sweep: {steps: 4, to: {pressure: 0.1 MPa}}
+fluid: {gas: helium, inlet: 2 bar, outlet: 1 bar, temperature: 20 °C}
+record:
+  transport: {transmissivity: every-step, percolation: every-step, gas_flow: every-step}
+  dimensional:
+    {pressure: N/mm², mean_gap: µm, free_volume: ml/m^2, gas_leak_rate: sccm,
+     leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa·s, unit: mm³/s}}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -36,24 +43,7 @@ def units() -> pint.UnitRegistry[float]:
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     """A run with every kind of unit, spelled as users spell them."""
-    study = {
-        "name": "units",
-        "surface": {"D": 2.3, "m": 3, "L": "0.1 mm", "Sq": "0.001 mm", "seeds": 1, "sides": "mirrored"},
-        "material": {"E": "10 N/mm²", "nu": 0.5},
-        "sweep": {"steps": 4, "to": {"pressure": "0.1 MPa"}},
-        "fluid": {"gas": "helium", "inlet": "2 bar", "outlet": "1 bar", "temperature": "20 °C"},
-        "record": {
-            "transport": {"transmissivity": "every-step", "percolation": "every-step", "gas_flow": "every-step"},
-            "dimensional": {
-                "pressure": "N/mm²",
-                "mean_gap": "µm",
-                "free_volume": "ml/m^2",
-                "gas_leak_rate": "sccm",
-                "leak_rate": {"pressure_drop": "5 mbar", "viscosity": "1 mPa·s", "unit": "mm³/s"},
-            },
-        },
-    }
-    return roughvol.run(study, jobs=1, out=tmp_path_factory.mktemp("units") / "run")
+    return roughvol.run(loads(STUDY), jobs=1, out=tmp_path_factory.mktemp("units") / "run")
 
 
 def test_the_unit_of_every_row_of_the_table_is_one_of_pint() -> None:
@@ -140,15 +130,8 @@ def test_a_load_is_a_text_a_mapping_or_several(units: Any) -> None:
     assert levels({"pressure": [0.5, 1.0] * units.MPa}) == [parse("pressure=0.5 MPa"), parse("pressure=1 MPa")]
     assert levels([{"contact_area": np.float64(0.1)}, "last"]) == [Level("contact_area", 0.1), Level("last")]
     assert levels({"pressure": Quantity(0.5, "MPa")}) == [parse("pressure=0.5 MPa")]
-    for wrong in (
-        0.5,
-        {"pressure": "1 mm"},
-        {"pressure": 1 * units.mm},
-        {},
-        {"pressure": 1, "load": 2},
-        [0.5],
-        "force=1",
-    ):
+    wrongs = (0.5, {}, [0.5], "force=1", {"pressure": "1 mm"}, {"pressure": 1 * units.mm}, {"pressure": 1, "load": 2})
+    for wrong in wrongs:
         with pytest.raises(DatasetError):
             levels(wrong)  # type: ignore[arg-type]
 
@@ -166,30 +149,23 @@ def test_answers_at_a_load_are_those_of_its_text(run: xr.Dataset, units: Any) ->
 
 
 def test_changes_are_texts_or_a_mapping(units: Any) -> None:
-    assert (
-        changes_of("surface.m=6")
-        == changes_of(["surface.m=6"])
-        == changes_of({"surface.m": np.int64(6)})
-        == ("surface.m=6",)
-    )
-    assert changes_of({"material.E": 2 * units.MPa, "surface.D": [2.2, 2.3]}) == (
-        "material.E=2 MPa",
-        "surface.D=[2.2, 2.3]",
-    )
+    for given in ("surface.m=6", ["surface.m=6"], {"surface.m": np.int64(6)}):
+        assert changes_of(given) == ("surface.m=6",)
+    two = {"material.E": 2 * units.MPa, "surface.D": [2.2, 2.3]}
+    assert changes_of(two) == ("material.E=2 MPa", "surface.D=[2.2, 2.3]")
     study = {"name": "changed", "surface": {"D": 2.3, "m": 3, "seeds": 1}, "sweep": {"steps": 2}}
     for given in (study, of_data(study)):
         assert roughvol.check(given, jobs=1, changes={"surface.m": 4}).surface.shape == (17, 17)  # type: ignore[union-attr]
 
 
-def test_a_run_of_changes_opens_by_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("tiny.yaml").write_text("surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 2}", encoding="utf-8")
+@pytest.mark.usefixtures("here")
+def test_a_run_of_changes_opens_by_them() -> None:
+    text = "surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 2}"
+    Path("tiny.yaml").write_text(text, encoding="utf-8")
     changes = {"surface.m": 4, "name": "finer"}
     ds = roughvol.run("tiny.yaml", jobs=1, changes=changes)
     assert ds["m"].values.tolist() == [4]
     xr.testing.assert_equal(roughvol.open("tiny.yaml", changes=changes), ds)
-    xr.testing.assert_equal(
-        roughvol.run(loads("surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 2}"), jobs=1, changes=changes), ds
-    )
+    xr.testing.assert_equal(roughvol.run(loads(text), jobs=1, changes=changes), ds)
     with pytest.raises(DatasetError, match="no results"):
         roughvol.open("tiny.yaml")

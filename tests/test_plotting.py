@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import roughvol
-from roughvol.errors import DatasetError
 from roughvol.store import dataset
 from roughvol.store.dataset import Dataset
 
@@ -42,14 +41,3 @@ def test_long_names_do_not_cut_a_formula(small_study: Path, length: int) -> None
 
 def test_a_notebook_shows_the_figure(pressed: Dataset) -> None:
     assert roughvol.plot(pressed)._repr_png_().startswith(b"\x89PNG")
-
-
-def test_what_cannot_be_drawn_is_an_error_with_a_reason(pressed: Dataset) -> None:
-    with pytest.raises(DatasetError, match="did you mean v_of_p"):
-        roughvol.plot(pressed, "v_of_pp")
-    with pytest.raises(DatasetError, match="leak_rate"):
-        roughvol.plot(pressed, "leak_of_p")
-    with pytest.raises(DatasetError, match="fig05 shows one run"):
-        roughvol.plot({"a": pressed, "b": pressed}, "fig05")
-    with pytest.raises(DatasetError, match=r"no results of 'absent'"):
-        roughvol.plot("absent")

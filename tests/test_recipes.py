@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import ast
 import json
-import os
 import re
 import shutil
-import subprocess
-import sys
 import textwrap
 from pathlib import Path
 from typing import Any
@@ -16,7 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.kit import ROOT, python
+
 BLOCK = re.compile(r"^( *)```\w+\n\1# ([\w/.]+), ([^\n]+)\n(.*?)^\1```", re.MULTILINE | re.DOTALL)
 FILES = {"An observable": 3, "A section of the study file": 4, "A figure": 2, "A claim": 2, "A kernel": 4}
 STUDY = """
@@ -138,12 +136,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def found(package: Path) -> Any:
     """Return what the copy answers about a small study."""
-    environment = os.environ | {"PYTHONPATH": str(package)}
-    done = subprocess.run(
-        [sys.executable, "-c", USE], cwd=package, env=environment, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return json.loads(python("-c", USE, cwd=package, first=package).stdout)
 
 
 @pytest.mark.parametrize(("recipe", "files"), FILES.items())

@@ -10,12 +10,13 @@ import functools
 import graphlib
 import importlib
 import re
-import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
+
+from tests.kit import python
 
 PACKAGE = Path(__file__).parents[1] / "roughvol"
 
@@ -228,6 +229,6 @@ def test_a_room_is_a_table_of_contents(room: str) -> None:
 )
 def test_an_import_loads_only_what_it_needs(imported: str, absent: str) -> None:
     code = f"import sys, {imported}; print(*(name for name in {absent.split()} if name in sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    done = python("-c", code)
     assert done.stdout.strip() == ""
     assert done.stderr == ""

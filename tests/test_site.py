@@ -6,10 +6,9 @@ import re
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from roughvol.cli import main
 from roughvol.cli.group import GROUPS
+from tests.kit import call
 
 ROOT = Path(__file__).parents[1]
 COMMANDS = [name for rows in GROUPS.values() for name in rows]
@@ -81,24 +80,13 @@ def test_completion_answers_in_the_shells_that_its_page_names(shell: str) -> Non
     asked = {"_ROUGHVOL_COMPLETE": f"{shell}_complete", "COMP_WORDS": "roughvol sh", "COMP_CWORD": "1"}
     if shell == "fish":
         asked["COMP_CWORD"] = "sh"
-    answer = CliRunner().invoke(main, [], env=asked, prog_name="roughvol")
+    answer = call(env=asked, prog_name="roughvol")
     assert "show" in answer.stdout
     assert "schema" not in answer.stdout
 
 
-def test_completion_of_init_lists_the_examples() -> None:
-    asked = {"_ROUGHVOL_COMPLETE": "bash_complete", "COMP_WORDS": "roughvol init s", "COMP_CWORD": "2"}
-    answer = CliRunner().invoke(main, [], env=asked, prog_name="roughvol")
-    assert answer.stdout.split() == ["plain,scan", "plain,seal"]
-
-
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_has_an_example_of_itself(name: str) -> None:
-    shown = CliRunner().invoke(main, [name, "--help"], prog_name="roughvol").output
+    shown = call(name, "--help", prog_name="roughvol").output
     _, _, examples = shown.partition("Examples:")
     assert re.search(rf"^ +roughvol {name}\b", examples, re.MULTILINE), shown
-
-
-def test_help_leads_to_the_examples_of_init() -> None:
-    shown = CliRunner().invoke(main, ["--help"], prog_name="roughvol").output
-    assert re.search(r"^ +roughvol init\b", shown.partition("Examples:")[2], re.MULTILINE)

@@ -35,21 +35,9 @@ def faults(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, d
     for file in (PROGRAM, WRONG):
         (folder / file.name).write_bytes(file.read_bytes())
     options = ("--strict", "--config-file=", "--no-error-summary", f"--python-executable={python}")
-    done = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "mypy",
-            *options,
-            f"--cache-dir={ROOT / '.mypy_cache' / 'user'}",
-            PROGRAM.name,
-            WRONG.name,
-        ],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=290,
-    )
+    cache = f"--cache-dir={ROOT / '.mypy_cache' / 'user'}"
+    words = (sys.executable, "-m", "mypy", *options, cache, PROGRAM.name, WRONG.name)
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=290)
     assert done.returncode in (0, 1), done.stderr
     found: dict[str, dict[int, str]] = {PROGRAM.name: {}, WRONG.name: {}}
     for name, line, message in re.findall(r"^(\w+\.py):(\d+): error: (.*)", done.stdout, re.MULTILINE):
@@ -71,9 +59,7 @@ def test_every_wrong_call_is_found_and_no_other(faults: dict[str, dict[int, str]
 def test_the_program_uses_every_public_function() -> None:
     text = PROGRAM.read_text(encoding="utf-8")
     public = {f"roughvol.{name}" for name in roughvol.__all__ if not isinstance(getattr(roughvol, name), ModuleType)}
-    on_page = {
-        name.rpartition(".")[2]
-        for name in re.findall(r"^.. auto(?:function|class):: (\S+)", PAGE.read_text("utf-8"), re.M)
-    }
+    named = re.findall(r"^.. auto(?:function|class):: (\S+)", PAGE.read_text("utf-8"), re.M)
+    on_page = {name.rpartition(".")[2] for name in named}
     assert {name for name in public if name not in text} == set()
     assert {name for name in on_page if not re.search(rf"\b{name}\b", text)} == set()

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,20 +9,12 @@ import click
 import numpy as np
 import pytest
 
-import roughvol
 from roughvol.cli import main
 from roughvol.cli.group import GROUPS
 from roughvol.report import page
-from tests.kit import call
+from tests.kit import LEAKING, answered, call, python, ran, refused, said
 
-STUDY = """
-surface: {D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}
-material: {E: 10 MPa, nu: 0.5}
-sweep: {steps: 12, to: {pressure: 0.5 MPa}}
-record:
-  transport: {transmissivity: every-step}
-  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
-"""
+STUDY = LEAKING.replace("steps: 8", "steps: 12")
 PLAIN = "surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 3}\n"
 CREEP = ("--law", "creep.yaml", "--times", "1 s..1 h")
 NUMBERS: dict[str, tuple[str, ...]] = {  # commands that print numbers
@@ -45,18 +33,13 @@ NUMBERS: dict[str, tuple[str, ...]] = {  # commands that print numbers
 
 
 @pytest.fixture(scope="module", autouse=True)
-def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    folder = tmp_path_factory.mktemp("vocabulary")
+def _runs(there: Path) -> Iterator[None]:
+    for name, text in (("tiny", STUDY), ("other", STUDY), ("plain", PLAIN)):
+        ran(name, text)
+    Path("creep.yaml").write_text("power: {exponent: 0.02, time: 1 s}\n", encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
         patch.setattr(page, "drawings_of", lambda *_: ())  # figures of a report: reproduction/test_report.py
-        for name in ("tiny", "other"):
-            Path(f"{name}.yaml").write_text(STUDY, encoding="utf-8")
-            roughvol.run(f"{name}.yaml", jobs=1)
-        Path("plain.yaml").write_text(PLAIN, encoding="utf-8")
-        roughvol.run("plain.yaml", jobs=1)
-        Path("creep.yaml").write_text("power: {exponent: 0.02, time: 1 s}\n", encoding="utf-8")
-        yield folder
+        yield
 
 
 def _options(command: click.Command) -> dict[str, click.Option]:
@@ -81,13 +64,11 @@ def test_an_option_has_one_meaning(name: str, command: click.Command) -> None:
 
 @pytest.mark.parametrize("name", sorted(NUMBERS.keys() - {"card"}))  # test_leak_card.py
 def test_a_command_that_prints_numbers_prints_them_as_json(name: str) -> None:
-    done = call(name, *NUMBERS[name], "--json")
-    assert done.exit_code == 0, done.output
-    assert json.loads(done.stdout)
+    assert answered(name, *NUMBERS[name])
 
 
 def test_json_of_a_run_has_the_numbers_of_show() -> None:
-    ran, shown = (json.loads(call(name, "tiny", "--json").stdout) for name in ("run", "show"))
+    ran, shown = (answered(name, "tiny") for name in ("run", "show"))
     assert ran["rows"] == shown["rows"]
     assert ran["units"] == shown["units"]
     assert (ran["cases"], ran["finished_before"]) == (1, 1)
@@ -105,8 +86,7 @@ FORMS_OF = {"show": FORMS, "status": FORMS, "run": FORMS[:1], "check": FORMS[2:3
 def test_a_command_takes_a_study_in_each_form(name: str, form: str) -> None:
     form = form.replace("tiny", NUMBERS.get(name, ("tiny",))[0])
     extra = {"plot": ("v_of_p",)}.get(name, NUMBERS.get(name, ())[1:])
-    done = call(name, form, *extra)
-    assert done.exit_code == 0, done.output
+    assert said(name, form, *extra)
 
 
 LOADS = ("last", "pressure=0.2 MPa", "p=0.3", "pressure=0.2MPa, leg 1", "load=1 mN")
@@ -119,62 +99,52 @@ LOADS_OF = {"show": LOADS, "ask": LOADS, "creep": LOADS[2:3], "compare": LOADS[4
 def test_a_load_is_written_alike_in_every_command(name: str, load: str) -> None:
     extra = NUMBERS[name] if name != "creep" else ("tiny", *CREEP)
     extra = (*extra, "--for", "modulus") if name == "ask" else extra
-    done = call(name, *extra, "--at", load)
-    assert done.exit_code == 0, done.output
+    assert said(name, *extra, "--at", load)
 
 
 def test_a_change_of_a_key_is_that_of_the_run_or_an_error() -> None:
-    assert call("show", "tiny", "--set", "surface.m=4").exit_code == 0
+    assert said("show", "tiny", "--set", "surface.m=4")
     for name in ("show", "ask", "creep", "compare", "plot", "report"):
-        refused = call(name, *NUMBERS.get(name, ("tiny",)), "--set", "surface.m=5")
-        assert refused.exit_code == 2
-        assert "surface.m: 4 → 5" in refused.stderr
-        assert "roughvol run tiny --set surface.m=5" in refused.stderr
+        told = refused(name, *NUMBERS.get(name, ("tiny",)), "--set", "surface.m=5")
+        assert "surface.m: 4 → 5" in told
+        assert "roughvol run tiny --set surface.m=5" in told
 
 
 # height maps
 
 
 @pytest.fixture
-def maps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
+def maps(here: Path) -> None:
     z = np.random.default_rng(0).normal(size=(12, 12))
     np.savetxt("rows.txt", z)
     np.save("array.npy", z)
     points = [(2.0 * i, 2.0 * j, z[i, j]) for i in range(12) for j in range(12)]
     Path("face.xyz").write_text("\n".join("\t".join(f"{x:.6f}" for x in point) for point in points), encoding="utf-8")
-    return tmp_path
 
 
 @pytest.mark.parametrize(
     ("name", "file"),
     [("show", "face.xyz"), ("show", "rows.txt"), *((name, "array.npy") for name in ("run", "status", "plot", "ask"))],
 )
-def test_a_height_map_in_place_of_a_study_is_told_apart(maps: Path, name: str, file: str) -> None:
-    done = call(name, file, *NUMBERS.get(name, ())[1:])
-    assert done.exit_code == 2
-    assert "YAML" not in done.stderr
-    assert f"{file}: a height map, no" in done.stderr
-    assert f"roughvol init {file}" in done.stderr
+def test_a_height_map_in_place_of_a_study_is_told_apart(maps: None, name: str, file: str) -> None:
+    told = refused(name, file, *NUMBERS.get(name, ())[1:])
+    assert "YAML" not in told
+    assert f"{file}: a height map, no" in told
+    assert f"roughvol init {file}" in told
 
 
 @pytest.mark.parametrize(
-    ("file", "absent"), [("face.xyz", {"unit": "um"}), ("rows.txt", {"L": "22 um"}), ("array.npy", {"L": "22 um"})]
+    ("file", "absent"),
+    [("face.xyz", ("surface.unit", "um")), *((name, ("surface.L", "22 um")) for name in ("rows.txt", "array.npy"))],
 )
-def test_init_writes_the_study_of_a_height_map(maps: Path, file: str, absent: dict[str, str]) -> None:
-    study = f"{Path(file).stem}.yaml"
-    written = call("init", file)
-    assert written.exit_code == 0, written.output
-    assert f"fill in surface.{next(iter(absent))}" in written.stdout
-    refused = call("check", study)
-    assert refused.exit_code == 2
-    assert f"surface.{next(iter(absent))}" in refused.stderr
-    assert "nothing was written" in call("init", file).stderr
+def test_init_writes_the_study_of_a_height_map(maps: None, file: str, absent: tuple[str, str]) -> None:
+    study, (key, value) = f"{Path(file).stem}.yaml", absent
+    assert f"fill in {key}" in said("init", file)
+    assert key in refused("check", study)
+    assert "nothing was written" in refused("init", file)
     Path(study).unlink()
-    given = [word for key, value in absent.items() for word in ("--set", f"surface.{key}={value}")]
-    assert call("init", file, *given).exit_code == 0
-    done = call("run", study, "--set", "sweep.steps=2", "--jobs", "1")
-    assert done.exit_code == 0, done.output
+    said("init", file, "--set", f"{key}={value}")
+    said("run", study, "--set", "sweep.steps=2", "--jobs", "1")
 
 
 # help and completion
@@ -182,9 +152,8 @@ def test_init_writes_the_study_of_a_height_map(maps: Path, file: str, absent: di
 
 def test_help_groups_every_command_with_its_first_words_in_full() -> None:
     shown = call("--help").output
-    assert [name for rows in GROUPS.values() for name in rows] == list(
-        dict.fromkeys(name for rows in GROUPS.values() for name in rows)
-    )
+    names = [name for rows in GROUPS.values() for name in rows]
+    assert len(names) == len(set(names))
     places = [shown.index(f"{title}:\n") for title in GROUPS]
     assert places == sorted(places)
     assert "Documentation: " in shown
@@ -194,7 +163,7 @@ def test_help_groups_every_command_with_its_first_words_in_full() -> None:
 def _completed(*words: str) -> set[str]:
     asked = {"_ROUGHVOL_COMPLETE": "bash_complete", "COMP_WORDS": " ".join(("roughvol", *words))}
     answer = call(env=asked | {"COMP_CWORD": str(len(words))}, prog_name="roughvol")
-    return {line.partition(",")[2] for line in answer.stdout.splitlines()}
+    return {line.removeprefix("plain,") for line in answer.stdout.splitlines()}
 
 
 @pytest.mark.parametrize(
@@ -208,23 +177,17 @@ def _completed(*words: str) -> set[str]:
         (("run", "tiny", "--figures", "fig01,fig11"), {"fig01,fig11a", "fig01,fig11b"}),
         (("show", "tiny", "--at", "la"), {"last"}),
         (("run", "tiny", "--set", "surface.see"), {"surface.seeds="}),
+        (("show", "./ru"), {"file,./ru"}),  # a path is left to the shell
+        (("init", "s"), {"scan", "seal"}),
     ],
 )
 def test_completion_knows_runs_figures_states_and_keys(words: tuple[str, ...], expected: set[str]) -> None:
     assert _completed(*words) == expected
 
 
-def test_a_path_is_left_to_the_shell(place: Path) -> None:
-    asked = {"_ROUGHVOL_COMPLETE": "bash_complete", "COMP_WORDS": "roughvol show ./ru", "COMP_CWORD": "2"}
-    answer = call(env=asked, prog_name="roughvol")
-    assert answer.stdout.splitlines() == ["file,./ru"]
-
-
 def test_progress_of_many_cases_takes_few_lines_off_a_terminal(tmp_path: Path) -> None:
     (tmp_path / "many.yaml").write_text("surface: {D: 2.3, m: 3, seeds: 40}\nsweep: {steps: 2}\n", encoding="utf-8")
-    there = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1]), "OMP_NUM_THREADS": "1"}
-    call = [sys.executable, "-m", "roughvol", "run", "many.yaml", "--jobs", "1"]
-    done = subprocess.run(call, cwd=tmp_path, env=there, capture_output=True, text=True, check=True)
+    done = python("-m", "roughvol", "run", "many.yaml", "--jobs", "1", cwd=tmp_path)
     seconds = float(done.stdout.split()[3])
     lines = [line for line in done.stderr.splitlines() if ": done · " in line]
     assert 1 <= len(lines) <= seconds + 2

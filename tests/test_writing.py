@@ -16,19 +16,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import roughvol
 from roughvol.store import stamped_file
-from tests.kit import call, said
+from tests.kit import LEAKING, call, ran, said
 
-STUDY = """
-surface: {D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}
-material: {E: 10 MPa, nu: 0.5}
-sweep: {steps: 8, to: {pressure: 0.5 MPa}}
-record:
-  transport: {transmissivity: every-step}
-  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
-"""
-MAP = STUDY.replace("{D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}", "{file: map.txt, L: 100 um, heights_unit: um}")
+MAP = LEAKING.replace("{D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}", "{file: map.txt, L: 100 um, heights_unit: um}")
 CREEP = ["creep", "tiny", "--law", "creep.yaml", "--at", "pressure=0.2 MPa", "--times", "1 s..1 h"]
 COMMANDS = {
     "png": ["plot", "tiny", "v_of_p"],
@@ -45,11 +36,10 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("computed")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        Path("tiny.yaml").write_text(STUDY, encoding="utf-8")
         Path("map.yaml").write_text(MAP, encoding="utf-8")
         Path("creep.yaml").write_text("power: {exponent: 0.02, time: 1 s}\n", encoding="utf-8")
         np.savetxt("map.txt", np.random.default_rng(1).normal(size=(17, 17)))
-        roughvol.run("tiny.yaml", jobs=1)
+        ran("tiny", LEAKING)
         for command in COMMANDS.values():
             said(*command)
     return folder

@@ -87,11 +87,11 @@ def test_figures_are_drawn(name: str, measured: dataset.Dataset, tmp_path: Path)
     [
         ("surface: {D: 2.3, m: 4}\nsweep: {steps: 0}", "the study has no sweep"),
         ("surface: {D: 2.3, m: 4}\nsweep: [{steps: 2}, {steps: 1, to: {pressure: 0.1}}]", "one elastic sweep"),
-        ("surface: {D: 2.3, m: 4, sides: periodic}", "surface.sides is periodic; allowed: free"),
+        ("surface: {D: 2.3, m: 4, sides: periodic}", "surface.sides: given periodic; allowed: free"),
     ],
 )
 def test_a_study_without_ladders_is_refused(text: str, words: str) -> None:
-    with pytest.raises(ContactError, match=words):
+    with pytest.raises(StudyError, match=words):
         tradeoff.measure(loads(text))
 
 

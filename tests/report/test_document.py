@@ -51,7 +51,6 @@ def test_a_section_folds_where_it_says_so() -> None:
 
 
 def test_the_terminal_has_facts_in_columns_and_tables() -> None:
-    part = Section(
-        "Run", facts=(("L", "1 um"), ("Sq", "2 um")), tables=(Table("Closing", ("axis", "p"), (("x", "3"),)),)
-    )
+    table = Table("Closing", ("axis", "p"), (("x", "3"),))
+    part = Section("Run", facts=(("L", "1 um"), ("Sq", "2 um")), tables=(table,))
     assert list(terminal.lines(part)) == ["Run", "  L   1 um", "  Sq  2 um", "  Closing", "  axis  p", "  x     3"]

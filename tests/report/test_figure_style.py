@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 from matplotlib import font_manager
 
+from roughvol.errors import DatasetError
 from roughvol.report.figures import style
 from roughvol.report.figures.style import ACCENT, CONTACT, GREY, SECOND, STYLE, lightness, looks, luminance, unit_text
 from roughvol.reproduction.figures.registry import FIGURES
@@ -90,8 +91,8 @@ def test_units_are_printed_as_they_are_read(unit: str, printed: str) -> None:
 def curve() -> xr.Dataset:
     step = np.arange(1, 6)
     dims = ("D", "m", "seed", "step")
-    variables = {name: (dims, (step * 0.1 * factor)[None, None, None]) for name, factor in (("mean_pressure", 3),)}
-    variables["contact_area_fraction"] = (dims, (step * 0.01)[None, None, None])
+    values = {"mean_pressure": 0.3 * step, "contact_area_fraction": 0.01 * step}
+    variables = {name: (dims, along[None, None, None]) for name, along in values.items()}
     return xr.Dataset(variables, {"D": [2.3], "m": [5], "seed": [0], "step": step, "L": 1.0}).set_coords("L")
 
 
@@ -113,9 +114,11 @@ def test_text_stays_text_in_every_format(curve: xr.Dataset, tmp_path: Path) -> N
     assert "'STIXGeneral'" in svg.replace("&quot;", "'")
 
 
-def test_saving_leaves_no_trace_in_matplotlib(curve: xr.Dataset, tmp_path: Path) -> None:
+def test_saving_and_a_figure_that_fails_leave_no_trace_in_matplotlib(curve: xr.Dataset, tmp_path: Path) -> None:
     before = dict(mpl.rcParams)
     style.axes()[0].savefig(tmp_path / "empty.svg")
+    with pytest.raises(DatasetError):
+        FIGURES["fig04a"](curve.drop_vars("mean_pressure"))
     assert dict(mpl.rcParams) == before
 
 

@@ -7,25 +7,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from click.testing import CliRunner
 
 import roughvol
-from roughvol.cli import main
 from roughvol.errors import DatasetError, FolderError, StudyError
 from roughvol.store.dataset import Dataset
+from tests.kit import said
 
 STUDY = {"name": "tiny", "surface": {"D": 2.3, "m": 4, "seeds": 2}, "sweep": {"steps": 3, "to": {"indentation": 1}}}
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Dataset:
-    monkeypatch.chdir(tmp_path)
+def run(here: Path) -> Dataset:
     return roughvol.run(STUDY, jobs=1)
 
 
 @pytest.fixture
-def pressed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Dataset:
-    monkeypatch.chdir(tmp_path)
+def pressed(here: Path) -> Dataset:
     x = np.arange(17)
     heights = np.cos(x[:, np.newaxis]) + 0.5 * np.sin(1.7 * x)
     return roughvol.press(heights, L="500 um", E="10 MPa", nu=0.5, to={"pressure": "0.5 MPa"}, steps=4)
@@ -64,9 +61,7 @@ def test_a_saved_dataset_opens_and_draws(pressed: Dataset) -> None:
     xr.testing.assert_allclose(opened, pressed)
     lines = [roughvol.plot(one, "v_of_p").axes[0].lines[0].get_xydata() for one in ("x.nc", opened, pressed)]
     assert all(np.array_equal(line, lines[0]) for line in lines)
-    shown = CliRunner().invoke(main, ["show", "x.nc", "--csv"])
-    assert shown.exit_code == 0, shown.output
-    assert len(shown.output.splitlines()) == 5
+    assert len(said("show", "x.nc", "--csv").splitlines()) == 5
 
 
 def test_a_saved_run_opens_in_any_format(run: Dataset) -> None:

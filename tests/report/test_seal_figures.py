@@ -19,17 +19,7 @@ from roughvol.campaign.one_case import run_case
 from roughvol.errors import DatasetError
 from roughvol.report.figures.families import Family
 from roughvol.report.figures.registry import FIGURES as ALL
-from roughvol.report.figures.ways import (
-    Way,
-    band_words,
-    centre_and_band,
-    draw_flow,
-    flow,
-    grid,
-    is_open,
-    sample,
-    way,
-)
+from roughvol.report.figures.ways import Way, band_words, centre_and_band, draw_flow, flow, grid, is_open, sample, way
 from roughvol.reproduction.figures import registry as paper
 from roughvol.store import dataset, dimensional
 from roughvol.store.dataset import Dataset

@@ -76,10 +76,8 @@ def test_the_deformed_surface_is_drawn_beside_the_undeformed_one(region: str) ->
 
 def test_the_title_of_one_surface_is_that_of_the_load_alone(tmp_path: Path) -> None:
     np.save(tmp_path / "z.npy", np.random.default_rng(0).normal(size=(16, 16)))
-    study = loads(
-        "surface: {file: z.npy, L: 1, sides: periodic}\nsweep: {steps: 2}\nrecord: {psd: {at: last}}",
-        tmp_path / "s.yaml",
-    )
+    text = "surface: {file: z.npy, L: 1, sides: periodic}\nsweep: {steps: 2}\nrecord: {psd: {at: last}}"
+    study = loads(text, tmp_path / "s.yaml")
     run(study, out=tmp_path / "out", jobs=1)
     with xr.open_dataset(tmp_path / "out" / "study.nc") as ds:
         left, _ = FIGURES["psd"](ds.load()).axes

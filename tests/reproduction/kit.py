@@ -4,12 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from unittest import mock
 
+from roughvol.campaign import execution
 from roughvol.report import html, markdown, page
 from roughvol.report.page import Report
 from roughvol.reproduction import sections
 from roughvol.reproduction.judgement import Judgement
+
+
+def stored(folder: Path, **studies: str) -> dict[str, Path]:
+    """Run studies in a folder; return their stored answers by name."""
+    for name, text in studies.items():
+        (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
+        execution.run(folder / f"{name}.yaml", out=folder / name, jobs=1)
+    return {name: folder / name / "study.nc" for name in studies}
 
 
 @contextmanager

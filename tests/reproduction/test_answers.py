@@ -8,12 +8,10 @@ from pathlib import Path
 import pytest
 
 from roughvol.analysis.stored_run import Run
-from roughvol.campaign.execution import run
 from roughvol.reproduction.claims.ensemble_means import HEAD, answers
 from roughvol.reproduction.judgement import judge
 from roughvol.store import dataset
 from roughvol.store.dataset import Dataset
-from roughvol.study import loads
 from tests.reproduction import kit
 
 TEXT = """
@@ -25,15 +23,13 @@ ensemble: {accuracy: {free_volume: 8 %, contact_area: 20 %}, at: {pressure: 0.1,
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("trial")
-    run(loads(TEXT), out=folder, jobs=1)
-    return folder
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return kit.stored(tmp_path_factory.mktemp("answers"), trial=TEXT)["trial"]
 
 
 @pytest.fixture(scope="module")
-def results(folder: Path) -> Dataset:
-    return dataset.read(folder / "study.nc")
+def results(file: Path) -> Dataset:
+    return dataset.read(file)
 
 
 def test_a_statement_is_undecided_where_its_interval_contains_the_limit(results: Dataset) -> None:
@@ -61,7 +57,7 @@ def test_a_run_of_seeds_has_no_such_section(results: Dataset) -> None:
     assert not list(answers([Run.of("seeds", results.drop_vars("ensemble_samples"))]))
 
 
-def test_the_page_of_an_ensemble_has_the_section(folder: Path) -> None:
-    page = kit.to_html(judge([folder / "study.nc"]))
+def test_the_page_of_an_ensemble_has_the_section(file: Path) -> None:
+    page = kit.to_html(judge([file]))
     assert "Ten seeds and the ensemble (" in page
     assert "verdicts change when ten seeds become the ensemble" in page

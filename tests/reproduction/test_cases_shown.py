@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from roughvol.campaign import one_case
-from roughvol.cli import main
 from roughvol.plotting import needed
 from roughvol.reproduction.figures.registry import FIGURES
 from roughvol.store import dataset
 from roughvol.study import load, loads
+from tests.kit import refused, said
 
 TEXT = """
 name: some
@@ -64,21 +63,17 @@ def test_figures_together_need_the_cases_of_each() -> None:
 def test_run_computes_what_the_figures_need_and_then_the_rest(tmp_path: Path) -> None:
     (tmp_path / "some.yaml").write_text(TEXT)
     out = tmp_path / "run"
-    call = ["run", str(tmp_path / "some.yaml"), "--out", str(out), "--jobs", "1"]
-    few = CliRunner().invoke(main, [*call, "--figures", "fig05, fig08"])
-    assert few.exit_code == 0, few.output
+    run = ("run", tmp_path / "some.yaml", "--out", out, "--jobs", "1")
+    said(*run, "--figures", "fig05, fig08")
     cases = load(tmp_path / "some.yaml").cases()
     assert {path.stem for path in (out / "cases").glob("*.nc")} == set(needed(["fig05", "fig08"], cases))
-    rest = CliRunner().invoke(main, call)
-    assert rest.exit_code == 0, rest.output
+    said(*run)
     assert len(list((out / "cases").glob("*.nc"))) == len(cases)
     # asked for less again, it keeps what is there
-    assert CliRunner().invoke(main, [*call, "--figures", "fig08"]).exit_code == 0
+    said(*run, "--figures", "fig08")
     assert dataset.read(out / "study.nc").sizes["m"] == 3
 
 
 def test_unknown_figure_is_refused(tmp_path: Path) -> None:
     (tmp_path / "some.yaml").write_text(TEXT)
-    done = CliRunner().invoke(main, ["run", str(tmp_path / "some.yaml"), "--figures", "fig5"])
-    assert done.exit_code == 2
-    assert "did you mean fig05" in done.output
+    assert "did you mean fig05" in refused("run", tmp_path / "some.yaml", "--figures", "fig5")

@@ -15,18 +15,7 @@ import xarray as xr
 from roughvol.analysis.stored_run import Run
 from roughvol.campaign import one_case
 from roughvol.gap.box_counting import box_counts
-from roughvol.reproduction.claims import (
-    ABSENT,
-    CLAIMS,
-    FAILS,
-    HOLDS,
-    QUALIFIED,
-    Check,
-    Claim,
-    Evidence,
-    Number,
-    assess,
-)
+from roughvol.reproduction.claims import ABSENT, CLAIMS, FAILS, HOLDS, QUALIFIED, Check, Claim, Evidence, Number, assess
 from roughvol.reproduction.claims import statistics as stats
 from roughvol.reproduction.claims.ambiguities import readings
 from roughvol.reproduction.claims.density import pooled
@@ -34,6 +23,7 @@ from roughvol.reproduction.claims.evidence import Lacking, area_slopes, at
 from roughvol.reproduction.claims.many_seeds import many_seeds
 from roughvol.reproduction.claims.shape import fitted_dimension
 from roughvol.reproduction.claims.verdict import above, below, plain
+from roughvol.reproduction.judgement import Judgement
 from roughvol.reproduction.needs import Needs
 from roughvol.store import dataset
 from roughvol.study import GeneratedSurface, Study, loads
@@ -46,8 +36,8 @@ def small(small_study: Path) -> Run:
 
 
 @pytest.fixture(scope="module")
-def claims(small: Run) -> dict[int, Claim]:
-    return {claim.id: claim for claim in assess(_any(small))}
+def claims(answered: Judgement) -> dict[int, Claim]:
+    return {claim.id: claim for claim in answered.claims}
 
 
 def _any(*runs: Run) -> Evidence:
@@ -293,12 +283,8 @@ def _fabricated(name: str, offset: float = 0.0, **changes: object) -> Run:
     surface = study.surface
     assert isinstance(surface, GeneratedSurface)
     sizes = {"D": len(surface.D), "m": len(surface.m), "seed": len(surface.seeds), "step": study.sweep.steps}
-    D, m, seed, step = (
-        axis.reshape([-1 if place == k else 1 for k in range(4)])
-        for place, axis in enumerate(
-            [np.array(surface.D), np.array(surface.m), np.array(surface.seeds), np.arange(1, sizes["step"] + 1)]
-        )
-    )
+    along = [surface.D, surface.m, surface.seeds, np.arange(1, sizes["step"] + 1)]
+    D, m, seed, step = np.meshgrid(*map(np.array, along), indexing="ij", sparse=True)
     scatter = 1.0 + 0.02 * np.sin(5.0 * seed + 1.0) + offset
     p = 1.5 * (step / max(sizes["step"], 1)) ** 1.5 * np.ones_like(D * m * scatter)
     area = p * 0.8 * np.exp(-1.5 * (D - 2.0)) * 2.0 ** (-0.37 * m) * scatter

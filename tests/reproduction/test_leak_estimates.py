@@ -9,10 +9,10 @@ import pytest
 import xarray as xr
 
 from roughvol.analysis.stored_run import Run
-from roughvol.campaign import execution
 from roughvol.reproduction.claims import Evidence
 from roughvol.reproduction.claims.leak_estimates import ratios
 from roughvol.reproduction.judgement import judge
+from roughvol.store import dataset
 from tests.reproduction import kit
 
 STATES = ("seed", "step", "axis")
@@ -51,12 +51,12 @@ def test_a_run_without_estimates_or_with_few_states_says_nothing() -> None:
 
 
 def test_the_report_says_how_wrong_they_are(tmp_path: Path) -> None:
-    (tmp_path / "leak.yaml").write_text(
+    study = (
         "{surface: {D: 2.2, m: 4, seeds: 2}, sweep: {steps: 12, to: {contact_area: 0.15}},"
         " record: {transport: {transmissivity: every-step, estimates: every-step}}}"
     )
-    ds = execution.run(tmp_path / "leak.yaml", out=tmp_path / "leak", jobs=1)
-    page = judge([tmp_path / "leak" / "study.nc"])
+    path = kit.stored(tmp_path, leak=study)["leak"]
+    ds, page = dataset.read(path), judge([path])
     assert page.estimates
     first = page.estimates[0]
     inside = (ds.contact_area_fraction > first.area[0]) & (ds.contact_area_fraction <= first.area[1])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 from roughvol.analysis.stored_run import Run
-from roughvol.campaign import execution
 from roughvol.errors import ContactError
 from roughvol.report import page
 from roughvol.reproduction.claims import ABSENT, FAILS, HOLDS, QUALIFIED, Claim, Evidence, assess
@@ -231,12 +229,8 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("literature")
     (folder / "files").mkdir()
     np.save(folder / "files" / "mirco_seed95.npy", framework_surface.surface())
-    shutil.copy(CONFIGS / "literature_mirco_sup7.yaml", folder / "mirco.yaml")
-    (folder / "rough.yaml").write_text(ROUGH)
-    (folder / "free.yaml").write_text(FREE)
-    for name in ("rough", "free", "mirco"):
-        execution.run(folder / f"{name}.yaml", out=folder / name, jobs=1)
-    return {name: folder / name / "study.nc" for name in ("rough", "free", "mirco")}
+    mirco = (CONFIGS / "literature_mirco_sup7.yaml").read_text(encoding="utf-8")
+    return kit.stored(folder, rough=ROUGH, free=FREE, mirco=mirco)
 
 
 @pytest.fixture(scope="module")

@@ -7,14 +7,12 @@ from pathlib import Path
 import pytest
 
 from roughvol.analysis.stored_run import Run
-from roughvol.campaign import execution
 from roughvol.reproduction.figures.conditions import is_paper_surface
 from roughvol.reproduction.figures.registry import ALL, FIGURES
 from roughvol.reproduction.judgement import judge
 from roughvol.reproduction.needs import Needs
 from roughvol.reproduction.sections import report_of
 from roughvol.store import dataset
-from roughvol.study import loads
 from tests.reproduction import kit
 
 RECORD = """
@@ -28,8 +26,7 @@ record:
 
 
 def _run(surface: str, folder: Path) -> Run:
-    execution.run(loads(f"surface: {{{surface}}}\n{RECORD}"), out=folder, jobs=1)
-    return Run.of("other", dataset.read(folder / "study.nc"))
+    return Run.of("other", dataset.read(kit.stored(folder, other=f"surface: {{{surface}}}\n{RECORD}")["other"]))
 
 
 @pytest.mark.parametrize(
@@ -49,7 +46,7 @@ def test_surfaces_of_another_origin_are_none_of_the_paper(surface: str, origin: 
 
 def test_a_report_has_every_figure_but_that_of_the_recursion(tmp_path: Path) -> None:
     run = _run("D: [2.3, 2.6], m: 3, seeds: 2, sides: periodic", tmp_path)
-    page = kit.to_html(report_of(judge([tmp_path / "study.nc"])))
+    page = kit.to_html(report_of(judge([tmp_path / "other" / "study.nc"])))
     drawn = {name for name, figure in ALL.items() if figure.missing(run.dataset) is None}
     assert "fig01" not in drawn
     assert {name for name in ALL if f"id='run-1-{name}'" in page} == drawn

@@ -12,12 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import roughvol
 from roughvol.analysis.stored_run import Run
-from roughvol.campaign import execution
-from roughvol.cli import main
 from roughvol.errors import DatasetError
 from roughvol.report import page as report_page
 from roughvol.report import run_facts
@@ -31,6 +28,7 @@ from roughvol.store import dataset
 from roughvol.store.run import names_of
 from roughvol.study import loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
+from tests.kit import call, refused, said
 from tests.reproduction import kit
 
 EXPECTED = Path(__file__).parents[1] / "regression" / "expected_small.json"
@@ -63,11 +61,6 @@ class Page(HTMLParser):
     def handle_endtag(self, tag: str) -> None:
         if not self.open or self.open.pop() != tag:
             self.wrong.append(tag)
-
-
-@pytest.fixture(scope="module")
-def answered(small_study: Path) -> Judgement:
-    return judge([small_study], any_size=True)
 
 
 @pytest.fixture(scope="module")
@@ -111,6 +104,7 @@ def test_figures_are_png_and_each_is_there_once(page: Page, html: str) -> None:
     names = re.findall(r"<figure id='(\w+)'", html)
     assert len(names) == len(set(names)) == len(page.images)
     assert {"fig04a", "fig04b", "fig09", "fig12a", "theory_separation", "theory_bearing", "volume_by_m"} <= set(names)
+    assert ALL["fig09"].words() in unescape(html)  # the caption, not the docstring
     for source in page.images:
         assert base64.b64decode(source.split(",")[1])[:8] == b"\x89PNG\r\n\x1a\n"
 
@@ -214,24 +208,20 @@ def test_small_study_answers_as_stored(answered: Judgement) -> None:
 @pytest.mark.usefixtures("no_figures")
 def test_command_writes_the_report_and_checks(small_study: Path, tmp_path: Path) -> None:
     dataset.write(dataset.read(small_study), tmp_path / "copy" / "study.nc")
-    arguments = ["report", str(tmp_path / "copy")]
+    arguments = ("report", tmp_path / "copy", "--check")
     right, wrong = tmp_path / "right.json", tmp_path / "wrong.json"
     right.write_text('{"verdicts": {"2": "not computed"}}')  # the surfaces are too coarse, and too few
-    done = CliRunner().invoke(main, [*arguments, "--check", str(right)])
-    assert done.exit_code == 0, done.output
-    assert done.stdout.splitlines()[-1] == str(tmp_path / "copy" / "report.html")
+    assert said(*arguments, right).splitlines()[-1] == str(tmp_path / "copy" / "report.html")
     wrong.write_text('{"verdicts": {"2": "does not hold"}}')
-    failed = CliRunner().invoke(main, [*arguments, "--out", str(tmp_path / "out"), "--check", str(wrong)])
+    failed = call(*arguments, wrong, "--out", tmp_path / "out")
     assert failed.exit_code == 1
     assert "claim 2: not computed, expected does not hold" in failed.stderr
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"report.html", "report.md", "claims.json"}
 
 
-def test_no_run_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(main, ["report"])
-    assert done.exit_code == 2
-    assert "no finished run" in done.stderr
+@pytest.mark.usefixtures("here")
+def test_no_run_is_an_error() -> None:
+    assert "no finished run" in refused("report")
     with pytest.raises(DatasetError):
         judge([])
 
@@ -262,11 +252,9 @@ def test_runs_that_answer_little_are_reported_all_the_same(tmp_path: Path) -> No
         "bare": "{surface: {D: [2.2, 2.8], m: [4, 5], seeds: 2}, sweep: {steps: 0}, record: {heights: true}}",
         "hills": f"{{surface: {{file: {heights}, L: 1.0}}, sweep: {{steps: 3}}}}",
     }
-    for name, text in studies.items():
-        (tmp_path / f"{name}.yaml").write_text(text)
-        execution.run(tmp_path / f"{name}.yaml", out=tmp_path / name, jobs=1)
+    paths = kit.stored(tmp_path, **studies)
     heights.unlink()
-    little = judge([tmp_path / name / "study.nc" for name in studies])
+    little = judge(list(paths.values()))
     assert {claim.verdict for claim in little.claims} == {ABSENT}
     assert [run.name for run in little.own] == list(studies)
     assert "hills" in kit.to_html(little)
@@ -298,15 +286,10 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     heights = random_midpoint_displacement(D=2.2, m=4, seed=3).heights[:, :13].copy()
     heights[2, 3] = np.nan
     np.save(folder / "map.npy", heights)
-    texts = {"scan": SCAN.format(file=folder / "map.npy"), "sealing": SEALING}
-    for name, text in texts.items():
-        (folder / f"{name}.yaml").write_text(text)
-        execution.run(folder / f"{name}.yaml", out=folder / name, jobs=1)
-    stored = dataset.read(folder / "scan" / "study.nc").assign_attrs(
-        warnings="the slope <0.9> is large\nthe pressure exceeds the hardness"
-    )
-    dataset.write(stored, folder / "warned" / "study.nc")
-    return {name: folder / name / "study.nc" for name in ("scan", "sealing", "warned")}
+    made = kit.stored(folder, scan=SCAN.format(file=folder / "map.npy"), sealing=SEALING)
+    warnings = "the slope <0.9> is large\nthe pressure exceeds the hardness"
+    dataset.write(dataset.read(made["scan"]).assign_attrs(warnings=warnings), folder / "warned" / "study.nc")
+    return made | {"warned": folder / "warned" / "study.nc"}
 
 
 @pytest.fixture(scope="module")
@@ -385,11 +368,7 @@ def test_facts_are_in_json_markdown_and_on_the_terminal(own: dict[str, Path]) ->
 
 
 def test_runs_of_one_name_are_told_apart(tmp_path: Path) -> None:
-    paths = [
-        tmp_path / "a" / "scan" / "study.nc",
-        tmp_path / "b" / "scan" / "study.nc",
-        tmp_path / "other" / "study.nc",
-    ]
+    paths = [tmp_path / name / "study.nc" for name in ("a/scan", "b/scan", "other")]
     assert names_of(paths) == ["a/scan", "b/scan", "other"]
 
 
@@ -402,10 +381,6 @@ def test_every_figure_has_a_caption_of_its_own() -> None:
         assert text.endswith(".")
         assert max(len(sentence.split()) for sentence in re.split(r"[.;:] ", text)) <= 30
     assert len(set(captions)) == len(captions)
-
-
-def test_captions_and_not_docstrings_are_shown(html: str) -> None:
-    assert ALL["fig09"].words() in unescape(html)
 
 
 def test_a_single_surface_has_no_band_and_a_measured_one_no_D() -> None:

@@ -119,9 +119,8 @@ def test_the_cut_off_is_told_in_the_unit_of_the_study(folder: Path, keys: str, c
 
 
 def test_the_unit_changes_no_number(folder: Path) -> None:
-    plain, named = (
-        one_case.run_case(_case(folder, f"file: a.npy{unit}", "sweep: {steps: 2}")) for unit in ("", ", unit: nm")
-    )
+    cases = (_case(folder, f"file: a.npy{unit}", "sweep: {steps: 2}") for unit in ("", ", unit: nm"))
+    plain, named = map(one_case.run_case, cases)
     xr.testing.assert_equal(dataset.answers(plain), dataset.answers(named))
     assert plain["Sq"].units == "length"
     assert not {"length_unit", "surface"} & plain.attrs.keys()

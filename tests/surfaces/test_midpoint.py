@@ -79,12 +79,6 @@ def test_surfaces_of_a_seed_are_nested_bit_for_bit(law: str, periodic: bool) -> 
         np.testing.assert_array_equal(fine, coarse)
 
 
-def test_side_changes_the_spacing_only() -> None:
-    small, large = (random_midpoint_displacement(2.3, 4, side=side) for side in (1.0, 100.0))
-    np.testing.assert_array_equal(small.heights, large.heights)
-    assert (large.spacing, large.side, small.side) == (100.0 / 16, 100.0, 1.0)
-
-
 def test_midpoint_levels() -> None:
     assert midpoint_levels(1).tolist() == [[0, 2, 0], [2, 1, 2], [0, 2, 0]]
     levels = midpoint_levels(4)

@@ -14,6 +14,15 @@ from netCDF4 import Dataset
 
 from roughvol.surfaces.files import reading
 
+
+def _grid(path: Path) -> Dataset:
+    """A file with two dimensions and no variable yet."""
+    stored = Dataset(path, "w")
+    stored.createDimension("x", 6)
+    stored.createDimension("y", 5)
+    return stored
+
+
 POINT = np.dtype([("height", "f8"), ("quality", "i4")])
 
 
@@ -97,17 +106,13 @@ def test_heights_may_be_positive_down(tmp_path: Path, positive: str | None, sign
     ids=["compound", "ragged", "enumerated", "words", "letters"],
 )
 def test_what_holds_no_plain_numbers_is_refused(tmp_path: Path, kind: Callable[[Dataset], Any], value: Any) -> None:
-    with Dataset(tmp_path / "z.nc", "w") as stored:
-        stored.createDimension("x", 6)
-        stored.createDimension("y", 5)
+    with _grid(tmp_path / "z.nc") as stored:
         stored.createVariable("z", kind(stored), ("x", "y"))[0, 0] = value
     refused(tmp_path / "z.nc", r"z holds text, or values of a type of its own, not numbers")
 
 
 def test_scaled_integers_are_unpacked_and_their_mask_is_kept(tmp_path: Path) -> None:
-    with Dataset(tmp_path / "z.nc", "w") as stored:
-        stored.createDimension("x", 6)
-        stored.createDimension("y", 5)
+    with _grid(tmp_path / "z.nc") as stored:
         packed = stored.createVariable("z", "i2", ("x", "y"))
         packed.scale_factor, packed.add_offset = 0.5, 10.0
         packed[...] = np.ma.masked_array(10.0 + 0.5 * np.arange(30).reshape(6, 5), HOLES)
