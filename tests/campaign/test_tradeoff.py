@@ -10,7 +10,7 @@ import pytest
 from roughvol.campaign import tradeoff
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
-from roughvol.errors import ContactError
+from roughvol.errors import ContactError, StudyError
 from roughvol.report import convergence
 from roughvol.report.figures.registry import TRADEOFF
 from roughvol.store import dataset, tradeoff_variables

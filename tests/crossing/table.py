@@ -34,7 +34,7 @@ class Cells:
     wrong: dict[str, str] = field(default_factory=dict)
 
 
-NO_LEAK = dict.fromkeys(("D", "ensemble", "own", "mean-plane", "unpressed"), "which the study did not record")
+NO_LEAK = dict.fromkeys(("D", "ensemble", "own", "mean-plane", "unpressed"), "which the run does not have")
 PRESSED_AGAIN = (
     "one sealed bodies spectrum materials layers regions legs one-way coupled gas lifted-gas region mirrored periodic "
     "closed some-closed percolation mean-plane to-pressure to-area force nominal gap records unpressed study-changed "
@@ -68,10 +68,10 @@ CELLS = {
     "show --csv": Cells(PRESSED, SHOWN),
     "compare": Cells(PRESSED, SHOWN),
     "compare --json": Cells(PRESSED, SHOWN),
-    "plot v_of_p": Cells(PRESSED, OTHER_RESULTS | {"unpressed": "which the study did not record"}),
+    "plot v_of_p": Cells(PRESSED, OTHER_RESULTS | {"unpressed": "which the run does not have"}),
     "plot leak_of_p": Cells(UNITS, OTHER_RESULTS | NO_LEAK),
     "report": Cells(f"{PRESSED} unpressed", OTHER_RESULTS),
-    "roughvol.plot": Cells(PRESSED, OTHER_RESULTS | {"unpressed": "which the study did not record"}),
+    "roughvol.plot": Cells(PRESSED, OTHER_RESULTS | {"unpressed": "which the run does not have"}),
     "roughvol.open": Cells(f"{PRESSED} unpressed", OTHER_RESULTS),
     "ds.roughvol.at": Cells(PRESSED, SHOWN),
     "roughvol.run": Cells(f"{PRESSED} unpressed", OTHER_RUN),

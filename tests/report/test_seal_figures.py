@@ -87,7 +87,7 @@ def test_a_single_state_is_no_curve_and_no_error(name: str, ds: Dataset) -> None
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_figure_says_what_it_lacks(name: str, ds: Dataset) -> None:
     lacking = FIGURES[name].needs[-1]
-    with pytest.raises(DatasetError, match=f"{name} needs {lacking}, which the study did not record"):
+    with pytest.raises(DatasetError, match=f"{name} needs {lacking}, which the run does not have"):
         FIGURES[name](ds.drop_vars(lacking))
     assert "no case" in str(FIGURES[name].missing(ds.assign({lacking: ds[lacking].astype(float) * np.nan})))
 

@@ -402,7 +402,7 @@ def test_what_is_missing_is_named(study: xr.Dataset, name: str) -> None:
     variable = FIGURES[name].needs[0]
     absent = study.drop_vars(variable)
     key = record_key(variable)
-    lacks = f"{name} needs {variable}, which the study did not record"
+    lacks = f"{name} needs {variable}, which the run does not have"
     assert FIGURES[name].missing(absent) == lacks + (key and f" ({key})")
     with pytest.raises(DatasetError, match=f"{name} needs {variable}, which"):
         FIGURES[name](absent)

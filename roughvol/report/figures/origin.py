@@ -103,7 +103,7 @@ def lacking(name: str, ds: Dataset, variables: Sequence[str]) -> str | None:
     if absent:
         keys = dict.fromkeys(filter(None, map(record_key, absent)))
         hint = f" ({', '.join(keys)})" if keys else ""
-        return f"{name} needs {', '.join(absent)}, which the study did not record{hint}"
+        return f"{name} needs {', '.join(absent)}, which the run does not have{hint}"
     if not bool(held(first_leg(ds), *variables).any()):
         where = " on the first leg" if "leg" in ds else ""
         return f"{name} needs {', '.join(variables)}, and no case of the dataset has a value of each{where}"
