@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import roughvol
+from roughvol.report.figures import yielding
 from tests.kit import LEAKING, call, ran, refused, said
 
 TWO = LEAKING.replace("seeds: 1", "seeds: [2, 5]")
@@ -111,3 +113,9 @@ def test_a_leak_in_a_figure_has_its_pressure_drop_and_viscosity() -> None:
     assert "pressure drop 5 mbar, viscosity 1 mPa s" in title
     assert "Pressure drop 5 mbar, viscosity 1 mPa*s." in _note("leaking", "leak_of_p")
     assert "ressure drop" not in _note("leaking", "flow_of_p")
+
+
+def test_a_figure_of_a_path_marks_where_each_leg_closes_and_opens() -> None:
+    load, flow = np.arange(6.0), np.array([0.0, 0.0, 3.0, 2.0, 1.0, 0.0])
+    assert list(yielding._ends(load, flow)) == [((2.0, 3.0), 1.0), ((4.0, 1.0), 5.0)]
+    assert not list(yielding._ends(load, flow + 1.0))

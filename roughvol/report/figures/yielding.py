@@ -6,6 +6,9 @@ the means of both coordinates at every step, leaks by their median.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
 from matplotlib.lines import Line2D
 from xarray import Dataset
@@ -17,6 +20,8 @@ from roughvol.observables.variables import columns_of
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import families, own, several, single
 from roughvol.report.figures.style import DASHES, GREY, LABELS, PAGE, A, Drawing, P, V, axes, unit_of
+from roughvol.report.figures.ways import closed_handles, closing
+from roughvol.typing import Array
 
 # Further panels, where they are stored: variable, label, and whether the axis is logarithmic.
 FURTHER = (
@@ -44,6 +49,7 @@ def path_loops(ds: Dataset) -> Drawing:
     fig, panels = axes(PAGE, 2.5 * rows + 0.6, len(names) // rows, rows)
     panels = panels.ravel()
     dashes = {int(leg): DASHES[(int(leg) - 1) % len(DASHES)] for leg in np.unique(ds["leg"].values)}
+    ends: list[tuple[Any, ...]] = []
     for family in some:
         for leg, dash in dashes.items():
             begin = int(np.flatnonzero(ds["leg"].values == leg)[0])
@@ -54,13 +60,19 @@ def path_loops(ds: Dataset) -> Drawing:
                 x, y = part[load].values[computed], part[name].values[computed]
                 drawn = np.where(y > 0.0, y, np.nan) if logarithmic else y  # a logarithmic axis has no zero
                 ax.plot(x, drawn, ls=dash, color=family.look["color"])
+                if logarithmic:
+                    ends += [(ax, name[-1], family.look["color"], *end) for end in _ends(x, y)]
     for ax, (name, label, logarithmic) in zip(panels, names, strict=True):
         unit = unit_of(ds, "leak_rate") if name.startswith("leak_rate") else ""
         below = LABELS[P] if load == P else f"nominal pressure $p$ [{unit_of(ds, NOMINAL)}]"
         ax.set(xlabel=below, ylabel=f"{label} [{unit}]" if unit else label)
         ax.set_yscale("log" if logarithmic else "linear")
+    for ax, direction, colour, *end in ends:
+        ax.set_ylim(bottom=ax.get_ylim()[0])  # marks stay on the edge
+        closing(ax, direction, colour, *end)
     handles = [Line2D([], [], color=family.look["color"], label=family.label) for family in some]
     handles += [Line2D([], [], color=GREY, ls=dash, label=f"leg {leg}") for leg, dash in dashes.items()]
+    handles += closed_handles({direction for _, direction, *_ in ends}, "closed")
     number = several(family.surfaces for family in some)
     words = [title, f"mean of {number} surfaces, of leaks the median" if number else ""]
     if further is not None and further[0] == "leak_rate":
@@ -68,6 +80,13 @@ def path_loops(ds: Dataset) -> Drawing:
     fig.legend(handles=handles, title="; ".join(filter(None, words)) or None, loc="outside upper center", ncols=8)
     fig.shown = shown(some)
     return fig
+
+
+def _ends(load: Array, flow: Array) -> Iterator[tuple[tuple[float, float], float]]:
+    """Yield the open state next to each closing or opening along a leg, and the load of the closed state."""
+    for k in np.flatnonzero((flow[1:] > 0.0) != (flow[:-1] > 0.0)).tolist():
+        open_, shut = (k, k + 1) if flow[k] > 0.0 else (k + 1, k)
+        yield (float(load[open_]), float(flow[open_])), float(load[shut])
 
 
 def yielded_map(ds: Dataset) -> Drawing:
