@@ -1,12 +1,27 @@
-"""Calls of the command line in this process."""
+"""Calls of the command line in this process, and studies that several files of tests run."""
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 from click.testing import CliRunner, Result
 
 from roughvol.cli import main
+
+ROOT = Path(__file__).parents[1]
+LEAKING = """
+surface: {D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}
+material: {E: 10 MPa, nu: 0.5}
+sweep: {steps: 8, to: {pressure: 0.5 MPa}}
+record:
+  transport: {transmissivity: every-step}
+  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
+"""
 
 
 def call(*arguments: object, **options: Any) -> Result:
@@ -21,8 +36,29 @@ def said(*arguments: object) -> str:
     return done.stdout
 
 
+def answered(*arguments: object) -> Any:
+    """Return the JSON of a command that succeeds."""
+    return json.loads(said(*arguments, "--json"))
+
+
 def refused(*arguments: object) -> str:
     """Return the message of a command that refuses its input."""
     done = call(*arguments)
     assert done.exit_code == 2, done.output
+    assert "Traceback" not in done.output
     return done.stderr
+
+
+def ran(name: str, text: str) -> str:
+    """Write a study to the current folder and run it; return the output."""
+    Path(f"{name}.yaml").write_text(text, encoding="utf-8")
+    return said("run", f"{name}.yaml", "--jobs", "1")
+
+
+def python(*words: object, first: Path = ROOT, **options: Any) -> subprocess.CompletedProcess[str]:
+    """Return the end of Python in a process of its own that succeeds; modules of a folder come first."""
+    there = os.environ | {"PYTHONPATH": f"{first}{os.pathsep}{ROOT}"}
+    call = [sys.executable, *map(str, words)]
+    done = subprocess.run(call, env=there, capture_output=True, text=True, timeout=290, **options)
+    assert done.returncode == 0, done.stderr
+    return done
