@@ -9,7 +9,6 @@ from types import ModuleType
 import click
 import pytest
 import yaml
-from click.testing import CliRunner
 
 import roughvol
 from roughvol.analysis.accessor import Accessor
@@ -18,7 +17,8 @@ from roughvol.study import Study
 from roughvol.study.sections.record import Record
 from tests.crossing.kinds import BY_NAME, KINDS
 from tests.crossing.questions import QUESTIONS, Made, Refused
-from tests.crossing.table import CELLS, NOT_ASKED, PAGE, TOGETHER, cell, page
+from tests.crossing.table import NOT_ASKED, PAGE, REFUSED, TOGETHER, cell, page
+from tests.kit import said
 
 PLACES = [(question, kind.name) for kind in KINDS for question in QUESTIONS]
 
@@ -35,9 +35,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Made]:
         if kind.files is not None:
             kind.files(folder)
         (folder / kind.file).write_text(kind.study, encoding="utf-8")
-        arguments = ["run", str(folder / kind.file), "--jobs", "1", "--out", str(one.file.parent)]
-        done = CliRunner().invoke(main, arguments)
-        assert done.exit_code == 0, done.output
+        said("run", folder / kind.file, "--jobs", "1", "--out", one.file.parent)
         if kind.afterwards is not None:
             kind.afterwards(folder)
         return one
@@ -49,18 +47,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Made]:
     return with_its_neighbour
 
 
-def _cells() -> list[object]:
-    marked = []
-    for question, kind in PLACES:
-        finding = CELLS[question].wrong.get(kind) if question in CELLS else None
-        marks = [pytest.mark.xfail(strict=True, reason=f"finding {finding}")] if finding else []
-        marked.append(pytest.param(question, kind, marks=marks, id=f"{kind}: {question}"))
-    return marked
-
-
-@pytest.mark.parametrize(("question", "kind"), _cells())
+@pytest.mark.parametrize(("question", "kind"), [pytest.param(*place, id=f"{place[1]}: {place[0]}") for place in PLACES])
 def test_a_cell_is_right_or_refused_with_its_sentence(made: Callable[[str], Made], question: str, kind: str) -> None:
-    (expected,) = cell(question, kind)
+    expected = cell(question, kind)
     if expected == "right":
         assert QUESTIONS[question](made(kind)) > 0, "no number was compared"
         return
@@ -69,13 +58,9 @@ def test_a_cell_is_right_or_refused_with_its_sentence(made: Callable[[str], Made
     assert expected in str(refused.value)
 
 
-def test_no_cell_is_empty_and_none_has_two_entries() -> None:
-    assert list(CELLS) == list(QUESTIONS)
-    assert {
-        (question, kind): len(cell(question, kind)) for question, kind in PLACES if len(cell(question, kind)) != 1
-    } == {}
-    named = {kind for cells in CELLS.values() for kind in (*cells.right.split(), *cells.refused, *cells.wrong)}
-    assert named == set(BY_NAME)
+def test_the_table_has_every_question_and_no_other_kind() -> None:
+    assert list(REFUSED) == list(QUESTIONS)
+    assert {kind for refused in REFUSED.values() for kind in refused} <= set(BY_NAME)
 
 
 def test_every_command_and_public_function_is_a_question_or_has_a_reason() -> None:
