@@ -21,6 +21,7 @@ from roughvol.analysis.stored_run import Run
 from roughvol.errors import DatasetError
 from roughvol.store import dataset
 from roughvol.study import loads, parse
+from tests.kit import refused
 
 SEAL = """
 name: seal
@@ -109,6 +110,7 @@ def test_every_leg_can_be_asked_and_is_named(text: str, leg: int, label: str) ->
 def test_a_state_that_a_run_does_not_have_is_refused(name: str, text: str, words: str) -> None:
     with pytest.raises(DatasetError, match=words):
         at(_run(name), _groups(_run(name))[0], parse(text))
+    assert words in refused("show", name, "--at", text)
 
 
 @pytest.mark.parametrize("text", ["pressure", "q=1", "pressure=", "pressure=1 um", "last=3", "leak_rate=-1 mm^3/s"])

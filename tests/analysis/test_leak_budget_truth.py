@@ -85,10 +85,10 @@ def _levelled(heights: np.ndarray) -> np.ndarray:
 def test_a_card_from_the_file_of_an_instrument(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     topography = pytest.importorskip("SurfaceTopography", reason="needs the extra roughvol[measured]")
     monkeypatch.chdir(tmp_path)
-    heights = random_midpoint_displacement(2.2, 5, side=200.0, seed=11).heights
-    heights = 0.8 * heights / heights.std() + 0.04 * np.arange(33)[:, None]
+    heights = random_midpoint_displacement(2.2, 6, side=200.0, seed=11).heights
+    heights = 0.8 * heights / heights.std() + 0.02 * np.arange(65)[:, None]
     holes = np.random.default_rng(0).random(heights.shape) < 0.002
-    scan = topography.Topography(np.ma.masked_array(heights, holes), (33 * 15.625, 33 * 15.625), unit="µm")
+    scan = topography.Topography(np.ma.masked_array(heights, holes), (65 * 7.8125, 65 * 7.8125), unit="µm")
     scan.to_x3p(str(tmp_path / "scan.x3p"))
     (tmp_path / "seal.yaml").write_text(
         "name: seal\nsurface: {file: scan.x3p, level: tilt, missing: interpolate, unit: um}\n"
