@@ -5,29 +5,26 @@ The oracle is a few lines of numpy on study.nc.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
 from numpy.testing import assert_allclose
 from xarray import Dataset
 
 import roughvol
 from roughvol.analysis.at import at, between, place_of
 from roughvol.analysis.average import average, averages, is_flow
-from roughvol.analysis.closing import spans
 from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.leak import counted, is_lifted
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
-from roughvol.cli import main
 from roughvol.errors import DatasetError
 from roughvol.report.figures import ways
 from roughvol.report.figures.families import Family
 from roughvol.store import dataset
-from roughvol.study import Level, Quantity, loads, parse
+from roughvol.study import Level, loads, parse
+from tests.kit import refused, said
 
 SEAL = """
 name: seal
@@ -37,18 +34,6 @@ sweep: {steps: 10, to: percolation}
 record:
   transport: {percolation: every-step, transmissivity: every-step}
   dimensional: {pressure: MPa, leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
-"""
-PLANE = """
-name: plane
-surface: {D: [2.3, 2.7], m: 5, seeds: 3}
-sweep: {steps: 12, to: mean-plane}
-"""
-LISTED = """
-name: listed
-surface: {D: 2.3, m: 5, L: 100 um, Sq: 1 um, seeds: 2}
-material: {E_star: 10 MPa}
-sweep: {pressures: [0.02 MPa, 0.05 MPa]}
-record: {dimensional: {pressure: MPa}}
 """
 PATH = """
 name: path
@@ -67,7 +52,7 @@ record:
   fluid_pressure: {inlet: 0.1 bar, outlet: 0 bar, at: {pressure: [0.03 MPa, 0.05 MPa]}, coupling: one-way}
   dimensional: {pressure: MPa, leak_rate: {pressure_drop: 0.1 bar, viscosity: 1 mPa*s, unit: mm^3/s}}
 """
-STUDIES = {"seal": SEAL, "plane": PLANE, "listed": LISTED, "path": PATH, "lift": LIFT}
+STUDIES = {"seal": SEAL, "path": PATH, "lift": LIFT}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -92,73 +77,6 @@ def _run(name: str) -> Run:
 
 def _groups(run: Run) -> list[Dataset]:
     return [group for _, group in groups(derived(run.dataset, run.study))]
-
-
-def _call(*arguments: str) -> Result:
-    return CliRunner().invoke(main, arguments)
-
-
-def _rows(output: str) -> list[dict[str, object]]:
-    rows: list[dict[str, object]] = json.loads(output)["rows"]
-    return rows
-
-
-def test_the_end_of_a_sweep_to_the_mean_plane_is_reached_by_every_surface() -> None:
-    run = _run("plane")
-    for group, D in zip(_groups(run), (2.3, 2.7), strict=True):
-        state = at(run, group, parse("separation=0"))
-        assert (state.reached, state.surfaces) == (3, 3)
-        stored = run.dataset.sel(D=D, m=5).isel(step=-1)
-        assert_allclose(state.data["free_volume"], stored["free_volume"])
-
-
-@pytest.mark.parametrize("pressure", ["0.02 MPa", "0.05 MPa", "20 kPa"])
-def test_a_listed_load_is_the_step_solved_for_it(pressure: str) -> None:
-    run = _run("listed")
-    step = 1 if pressure.startswith("0.05") else 0
-    state = at(run, _groups(run)[0], parse(f"pressure={pressure}"))
-    assert_allclose(state.data["free_volume"], run.dataset["free_volume"].isel(D=0, m=0, step=step), rtol=0.0)
-
-
-def test_a_surface_that_closed_before_a_load_leaks_nothing_and_counts() -> None:
-    run = _run("seal")
-    ds = run.dataset.isel(D=0, m=0)
-    ends = ds["nominal_pressure"].max("step").values
-    assert (ds["percolates"].sel(axis="x").isel(step=-1) == 0).all()
-    load = float(np.sort(ends)[1:3].mean())  # two of five surfaces ended before
-    state = at(run, _groups(run)[0], Level("pressure", Quantity(load, "MPa")))
-    assert (state.reached, state.closed, state.surfaces) == (3, 2, 5)
-    expected = np.zeros(5)
-    for seed in range(5):
-        p, q = ds["nominal_pressure"].values[seed], ds["leak_rate"].sel(axis="x").values[seed]
-        if load < p[-1]:
-            k = int(np.searchsorted(p, load))
-            share = (load - p[k - 1]) / (p[k] - p[k - 1])
-            straight = q[k - 1] * (1.0 - share)  # to a closed step
-            expected[seed] = q[k - 1] ** (1.0 - share) * q[k] ** share if q[k] > 0.0 else straight
-    assert_allclose(np.sort(state.data["leak_rate"].sel(axis="x")), np.sort(expected), rtol=1e-9)
-    assert state.data["contact_area_fraction"].isnull().sum() == 2
-    found = average("leak_rate_x", state.data["leak_rate"].sel(axis="x").values)
-    assert found.value == pytest.approx(np.median(expected), rel=1e-9)
-    rows = _rows(_call("show", "seal", "--json", "--at", f"pressure={load} MPa").output)
-    assert sorted(row["leak_rate_x"] for row in rows) == pytest.approx(np.sort(expected).tolist(), rel=1e-9)
-
-
-def test_beyond_every_end_the_leak_is_zero_and_nothing_else_is_known() -> None:
-    run = _run("seal")
-    state = at(run, _groups(run)[0], parse("pressure=100 MPa"))
-    assert (state.reached, state.closed) == (0, 5)
-    assert (state.data["leak_rate"].sel(axis="x") == 0.0).all()
-    assert (state.data["open"].sel(axis="y") == 0.0).all()
-    assert state.data["free_volume"].isnull().all()
-    with pytest.raises(DatasetError, match="has no state at separation=50"):
-        at(run, _groups(run)[0], parse("separation=50"))
-
-
-def test_a_sweep_that_ends_open_has_no_state_beyond() -> None:
-    run = _run("plane")
-    with pytest.raises(DatasetError, match="no state at pressure=9: its steps have pressure"):
-        at(run, _groups(run)[0], parse("pressure=9"))
 
 
 @pytest.mark.parametrize(
@@ -198,12 +116,17 @@ def test_a_later_leg_begins_where_the_leg_before_ends(leg: int, share: float) ->
     assert float(state.data["free_volume"][0]) == pytest.approx(ends[0] + share * (ends[1] - ends[0]), rel=1e-9)
 
 
-def test_a_leg_that_a_path_does_not_have_is_refused() -> None:
-    with pytest.raises(DatasetError, match="no leg 7; allowed: 1, 2, 3"):
-        at(_run("path"), _groups(_run("path"))[0], parse("pressure=0.5, leg 7"))
-    refused = _call("show", "path", "--at", "pressure=0.5, leg 7")
-    assert refused.exit_code == 2
-    assert "allowed: 1, 2, 3" in refused.output
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("seal", "separation=50", "has no state at separation=50"),
+        ("path", "pressure=0.5, leg 7", "no leg 7; allowed: 1, 2, 3"),
+    ],
+)
+def test_a_state_that_a_run_does_not_have_is_refused(name: str, text: str, words: str) -> None:
+    with pytest.raises(DatasetError, match=words):
+        at(_run(name), _groups(_run(name))[0], parse(text))
+    assert words in refused("show", name, "--at", text)
 
 
 @pytest.mark.parametrize("text", ["pressure", "q=1", "pressure=", "pressure=1 um", "last=3", "leak_rate=-1 mm^3/s"])
@@ -219,7 +142,7 @@ def test_a_state_says_how_far_apart_the_flows_of_the_steps_around_it_are() -> No
     before, after = (ds["leak_rate"].isel(seed=0, step=k).values for k in (0, 1))
     assert at(run, ds, Level("pressure", load)).apart == pytest.approx((before / after).max())
     assert at(run, ds, Level("step", 1)).apart == 1.0
-    notes = [_call("show", "seal", "--at", text).output for text in (f"p={load}", "step=1")]
+    notes = [said("show", "seal", "--at", text) for text in (f"p={load}", "step=1")]
     assert ["steps around" in text for text in notes] == [True, False]
 
 
@@ -236,28 +159,15 @@ def test_under_fluid_pressure_the_leak_is_that_of_the_lifted_gap() -> None:
         lifted = stored["fluid_leak_rate"].sel(fluid_at=level).values
         assert_allclose(state.data["leak_rate"].values, lifted, rtol=0.0)
         solved = stored.sel(fluid_at=level)
-        dry = (
-            lifted * (solved["fluid_leak_dry"] / solved["fluid_leak"]).fillna(0.0).values
-        )  # not read off between the steps
+        # not read off between the steps
+        dry = lifted * (solved["fluid_leak_dry"] / solved["fluid_leak"]).fillna(0.0).values
         assert_allclose(state.data["leak_rate_dry"].values, dry, rtol=1e-12)
-        assert_allclose(
-            (state.data["transmissivity_dry"] * state.data["free_volume"] ** 3).values, solved["fluid_leak_dry"].values
-        )
+        starred = state.data["transmissivity_dry"] * state.data["free_volume"] ** 3
+        assert_allclose(starred.values, solved["fluid_leak_dry"].values)
         assert (state.data["leak_rate_dry"].values <= lifted).all()
         assert (state.data["leak_rate_dry"].values < lifted).any(axis=0).all()
-        rows = _rows(_call("show", "lift", "--json", "--at", level).output)
-        expected = stored["fluid_leak_rate"].sel(axis="x", fluid_at=level).values.tolist()
-        assert [row["leak_rate_x"] for row in rows] == expected
     between_states = at(run, _groups(run)[0], parse("pressure=0.04 MPa"))
     assert between_states.data["leak_rate"].isnull().all()
-
-
-def test_tables_name_the_dry_leak_and_average_the_lifted_leak() -> None:
-    table = _call("show", "lift", "--at", "pressure=0.05 MPa").output
-    stored = _run("lift").dataset["fluid_leak_rate"].sel(axis="x", fluid_at="pressure=0.05 MPa").values.ravel()
-    assert "median Q_x [mm^3/s]" in table
-    assert "median Q_x dry [mm^3/s]" in table
-    assert f"{np.median(stored):.4g}".replace("e-0", "e-") in table
 
 
 @pytest.mark.parametrize("x", ["nominal_pressure", "free_volume"])
@@ -296,17 +206,6 @@ def test_averages_of_a_dataset_are_those_of_its_variables() -> None:
         assert float(means[name]) == one.value
         assert_allclose(means[f"{name}_range"].values, [one.low, one.high])
         assert int(means[f"{name}_count"]) == one.count
-
-
-def test_the_last_way_closes_between_two_neighbouring_states() -> None:
-    run = _run("seal")
-    group = first_leg(_groups(run)[0])
-    ds = run.dataset.isel(D=0, m=0)
-    for axis in "xy":
-        for seed, span in enumerate(spans(group, axis)):
-            p, way = ds["nominal_pressure"].values[seed], ds["percolates"].sel(axis=axis).values[seed]
-            last = int(np.flatnonzero(way)[-1])
-            assert (span.open_up_to, span.closed_from) == (p[last], p[last + 1])
 
 
 def test_a_place_lies_between_two_steps_or_on_one() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -27,6 +28,7 @@ from roughvol.study import Level, Study, load, loads, parse
 from roughvol.surfaces import Spectrum, power_law_surface, texture
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.treatment import block_means
+from tests.analysis.kit import part_of
 
 DIMENSIONAL = "dimensional: {pressure: MPa, leak_rate: {pressure_drop: 10 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}"
 TEXT = f"""name: seal
@@ -49,10 +51,6 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> CardRuns:
     return card_runs.compute(study, Level("pressure", 0.6), tmp_path_factory.mktemp("card"), jobs=1)
 
 
-def _part(way: Way, name: str) -> Part:
-    return next(part for part in way.parts if part.name == name)
-
-
 def _leaks(card: Card, axis: str) -> np.ndarray:
     return np.array([one.leaks["xy".index(axis)] for one in card.surfaces])
 
@@ -64,21 +62,20 @@ def test_a_card_has_the_grid_twice_and_four_times_as_coarse(study: Study) -> Non
     assert plan.levelled is None
 
 
-def test_the_leak_is_that_of_the_state_in_the_unit_of_the_study(runs: CardRuns) -> None:
-    fine = runs.fine.dataset
-    assert_allclose(fine.flux_at_mean_pressure.values, 0.6, rtol=1e-4)
-    way = card_of([runs], "seal", "pressure=0.6").ways[0]
-    stored = (fine.leak_rate.sel(axis="x") / (fine.transmissivity.sel(axis="x") * fine.free_volume**3)).values
-    expected = np.median((fine.flux_at_transmissivity.sel(axis="x") * fine.flux_at_free_volume**3).values)
-    assert_allclose(way.leak.value, expected * np.nanmean(stored), rtol=1e-9)
-    assert way.unit == "mm^3/s"
+def _pressed(text: str, at: Level, folder: Path) -> Pressed:
+    """The run of the finest grid."""
+    planned = card_runs.plan(loads(text), at).fine
+    return Pressed("", execution.run(planned.study, jobs=1, out=folder), planned.level)
+
+
+def _of(run: Pressed, dataset: Dataset | None = None) -> Card:
+    """The card of one run, or of its dataset with other numbers."""
+    return card_of([CardRuns(run if dataset is None else Pressed("", dataset, run.level))], "seal", "")
 
 
 def _finest(text: str, at: Level, folder: Path) -> Card:
     """The card of the finest grid alone."""
-    planned = card_runs.plan(loads(text), at).fine
-    fine = execution.run(planned.study, jobs=1, out=folder)
-    return card_of([CardRuns(Pressed("", fine, planned.level))], "seal", at.label)
+    return _of(_pressed(text, at, folder))
 
 
 def test_the_part_of_the_solver_holds_the_leak_of_an_exact_solution(tmp_path: Path) -> None:
@@ -86,7 +83,7 @@ def test_the_part_of_the_solver_holds_the_leak_of_an_exact_solution(tmp_path: Pa
     tolerances = ("1.0e-2", "1.0e-8")
     rough, exact = (_finest(text.replace("1.0e-4", rtol), Level("last"), tmp_path / rtol) for rtol in tolerances)
     for one, truth in zip(rough.ways, exact.ways, strict=True):
-        part = _part(one, "solver")
+        part = part_of(one, "solver")
         assert part.factor > 1.0
         assert 1.0 / part.factor <= truth.leak.value / one.leak.value <= part.factor
 
@@ -96,27 +93,26 @@ def test_the_part_of_the_grid_covers_the_median_on_a_finer_one(tmp_path: Path) -
     """Of 12 surfaces in groups of three: at least 9 of 10 medians on the finer grid lie within the part."""
     text, at = TEXT.replace("m: 7", "m: 6").replace("seeds: 3", "seeds: 12"), Level("pressure", 0.6)
     runs = card_runs.compute(loads(text), at, tmp_path / "card", jobs=1)
-    finer = execution.run(
-        card_runs.plan(loads(text.replace("m: 6", "m: 7")), at).fine.study, jobs=1, out=tmp_path / "finer"
-    )
+    finer = _pressed(text.replace("m: 6", "m: 7"), at, tmp_path / "finer").dataset
     covered = []
-    for group in list(itertools.combinations(range(12), 3))[::17]:
-        some = CardRuns(_seeds(runs.fine, group), tuple(_seeds(one, group) for one in runs.coarser))
-        for axis, way in zip("xy", card_of([some], "s", "").ways, strict=True):
-            beyond = np.median(finer["flux_at_leak_rate"].sel(axis=axis).isel(seed=list(group)).values)
-            covered.append(abs(math.log(beyond / way.leak.value)) <= math.log(_part(way, "grid").factor))
+    for group in map(list, list(itertools.combinations(range(12), 3))[::17]):
+        for axis, way in _ways_of(runs, group):
+            beyond = np.median(finer["flux_at_leak_rate"].sel(axis=axis).isel(seed=group).values)
+            covered.append(abs(math.log(beyond / way.leak.value)) <= math.log(part_of(way, "grid").factor))
     assert np.mean(covered) >= 0.9
 
 
-def _seeds(run: Pressed, seeds: tuple[int, ...]) -> Pressed:
-    return Pressed(run.words, run.dataset.isel(seed=list(seeds)), run.level)
+def _ways_of(runs: CardRuns, seeds: Sequence[int]) -> Iterator[tuple[str, Way]]:
+    """The axes and ways of a card of some surfaces of a run."""
+    one, *others = (Pressed(run.words, run.dataset.isel(seed=seeds), run.level) for run in (runs.fine, *runs.coarser))
+    return zip("xy", card_of([CardRuns(one, tuple(others))], "s", "").ways, strict=True)
 
 
 def test_the_grid_of_a_median_is_that_of_its_surfaces_together(runs: CardRuns) -> None:
     """The leak of each surface reaches no farther than twice its change from twice the spacing, as a logarithm."""
     fine, twice = (one.dataset.flux_at_leak_rate.sel(axis="y").values.ravel() for one in (runs.fine, runs.coarser[0]))
     change = np.exp(2.0 * np.abs(np.log(twice / fine)))
-    part = _part(card_of([runs], "s", "").ways[1], "grid")
+    part = part_of(card_of([runs], "s", "").ways[1], "grid")
     assert 1.0 < part.factor <= np.median(fine * change) / np.median(fine) * (1 + 1e-9)
     assert 1.0 < part.smaller <= np.median(fine) / np.median(fine / change) * (1 + 1e-9)
 
@@ -125,7 +121,7 @@ def test_the_window_is_the_interval_of_the_median_over_surfaces(runs: CardRuns) 
     card = card_of([runs], "s", "")
     values = np.log(_leaks(card, "y"))
     half = 4.302653 * values.std(ddof=1) / math.sqrt(3) * math.sqrt(math.pi / 2)
-    assert_allclose(math.log(_part(card.ways[1], "window").factor), half, rtol=1e-6)
+    assert_allclose(math.log(part_of(card.ways[1], "window").factor), half, rtol=1e-6)
 
 
 @pytest.mark.parametrize("count", [3, 5, 9])
@@ -150,8 +146,7 @@ VARIED = (
 @pytest.fixture(scope="module")
 def varied(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     """Surfaces of different Sq that close at different loads."""
-    study = card_runs.plan(loads(VARIED), Level("pressure", 0.6)).fine.study
-    return execution.run(study, jobs=1, out=tmp_path_factory.mktemp("varied"))
+    return _pressed(VARIED, Level("pressure", 0.6), tmp_path_factory.mktemp("varied")).dataset
 
 
 @pytest.fixture(scope="module")
@@ -180,24 +175,8 @@ def test_a_surface_that_closed_before_the_load_counts_as_0(ends: np.ndarray, tmp
         assert (leaks == 0.0).any()
         assert_allclose(way.leak.value, np.median(leaks))
         assert way.open == np.count_nonzero(leaks)
-        assert _part(way, "window").known == (way.closing.value > 0.0)
+        assert part_of(way, "window").known == (way.closing.value > 0.0)
         assert math.isnan(way.factor)  # no coarser grid
-
-
-def test_surfaces_that_close_and_that_do_not_are_counted() -> None:
-    one, other, still = Span(1.0, 1.0), Span(3.0, 3.0), Span(3.5, math.inf)
-    assert Closing((one, other, still), "MPa").words == "2 of 3 surfaces at 2 MPa, the others open up to 3.5 MPa"
-    assert math.isnan(Closing((one, still), "MPa").value)
-    assert "p* = 2 in the mean" in Closing((one, other), "").words
-
-
-def test_a_closing_beyond_the_end_of_the_sweep_is_solved(ends: np.ndarray, tmp_path: Path) -> None:
-    text = VARIED.replace("to: percolation", "to: {pressure: 0.1}")
-    card = _finest(text, Level("last"), tmp_path / "card")
-    last = [max(way.closing.spans[k].middle for way in card.ways) for k in range(3)]
-    assert_allclose(
-        np.array(last) / [one.nominal_pressure / one.mean_pressure for one in card.surfaces], ends, rtol=2e-3
-    )
 
 
 @pytest.mark.parametrize(
@@ -225,7 +204,7 @@ def test_a_load_before_the_first_step_is_the_state_solved_for_it(tmp_path: Path)
 def test_a_periodic_surface_is_certified_with_its_ways_across_the_edge(tmp_path: Path) -> None:
     text = VARIED.replace("seeds: 3", "seeds: [2], sides: periodic").replace("to: percolation", "to: {pressure: 3.0}")
     way = _finest(text, Level("last"), tmp_path).ways[0]  # its only way along x passes the edge
-    assert 1.0 < _part(way, "solver").factor < 1.01
+    assert 1.0 < part_of(way, "solver").factor < 1.01
 
 
 # parts together
@@ -262,9 +241,12 @@ def test_the_bracket_of_several_surfaces_is_known_if_all_close() -> None:
     assert Closing((one, other), "MPa").bracket == (1.5, 3.0)
     assert all(map(math.isnan, Closing((one, still), "MPa").bracket))
     assert Closing((one,), "MPa").words == "between 1 and 2 MPa"
-    assert Closing((one, other), "MPa").words == (
-        "between 1.5 and 3 MPa in the mean; the first surface above 1 MPa, the last below 4 MPa"
-    )
+    several = "between 1.5 and 3 MPa in the mean; the first surface above 1 MPa, the last below 4 MPa"
+    assert Closing((one, other), "MPa").words == several
+    early, late = Span(1.0, 1.0), Span(3.0, 3.0)
+    assert Closing((early, late, still), "MPa").words == "2 of 3 surfaces at 2 MPa, the others open up to 3 MPa"
+    assert math.isnan(Closing((early, still), "MPa").value)
+    assert "p* = 2 in the mean" in Closing((early, late), "").words
     solved = Closing((Span(2.0, 2.0),), "MPa", (Part("grid", 2.0, "", 1.25), Part("window", 1.0, "")))
     assert solved.interval == (1.6, 4.0)
     assert solved.words == "at 2 MPa, between 1.6 and 4 MPa"
@@ -289,18 +271,18 @@ def test_a_coarser_grid_that_closes_before_the_load_leaves_the_part_of_the_closi
     runs = card_runs.compute(loads(text), Level("pressure", 2.62), tmp_path, jobs=1)
     along_x, along_y = card_of([runs], "s", "").ways
     assert along_x.leak.value > 0.0
-    assert "twice the spacing: closed" in _part(along_x, "grid").words
+    assert "twice the spacing: closed" in part_of(along_x, "grid").words
     of_load = next(part for part in along_x.closing.parts if part.name == "grid")
     scatter, slopes = math.log(of_load.smaller), math.log(of_load.factor / of_load.smaller)
     assert slopes > scatter > 0.0
     octaves = grid.OCTAVES / (grid.OCTAVES + grid.PIXEL)
     rise = math.exp(grid.OPEN * scatter + octaves * slopes)
     lighter = _leak_of(text, 2.62 / rise, "x", tmp_path / "lighter")
-    assert_allclose(_part(along_x, "grid").factor, lighter / along_x.leak.value, rtol=0.05)
-    assert _part(along_x, "grid").smaller == math.inf  # it closes at a load a little larger
+    assert_allclose(part_of(along_x, "grid").factor, lighter / along_x.leak.value, rtol=0.05)
+    assert part_of(along_x, "grid").smaller == math.inf  # it closes at a load a little larger
     assert along_x.interval[0] == 0.0
     assert along_x.coarser[0][1].closed
-    assert _part(along_y, "grid").known
+    assert part_of(along_y, "grid").known
 
 
 @pytest.mark.parametrize("D", [2.3, 2.5, 2.7])
@@ -348,10 +330,10 @@ def test_a_closed_way_leaks_at_most_what_it_does_at_the_far_end_of_its_closing_l
         lighter = _leak_of(text, at * way.closing.value / high, way.axis, tmp_path / way.axis)
         assert way.interval == (0.0, pytest.approx(lighter, rel=0.05))
         middles = [closing.value for closing in (way.closing, *(closing for _, closing in way.coarser))]
-        words = _part(way, "grid").words
+        words = part_of(way, "grid").words
         assert ("a finer grid the way may be open" in words) == (sorted(middles, reverse=True) == middles)
         assert "at the last open step" in way.last_open
-        assert "leak at most" in _part(way, "solver").words
+        assert "leak at most" in part_of(way, "solver").words
 
 
 def test_a_part_of_the_closing_load_that_is_not_known_leaves_a_closed_way_without_a_bound(tmp_path: Path) -> None:
@@ -366,15 +348,11 @@ def test_the_closing_load_of_a_surface_4_times_finer_lies_in_the_interval(tmp_pa
     """Of 6 surfaces: at least 10 of 12 ways, without the part of the window."""
     text, at = VARIED.replace("m: 5", "m: 6").replace("seeds: 3", "seeds: 6"), Level("pressure", 0.6)
     runs = card_runs.compute(loads(text), at, tmp_path / "card", jobs=1)
-    finer = execution.run(
-        card_runs.plan(loads(text.replace("m: 6", "m: 8")), at).coarser[0].study.changed(**{"surface.m": 8}),
-        jobs=1,
-        out=tmp_path / "finer",
-    )
+    like_coarser = card_runs.plan(loads(text), at).coarser[0].study.changed(**{"surface.m": 8})
+    finer = execution.run(like_coarser, jobs=1, out=tmp_path / "finer")
     held = []
     for seed in range(6):
-        some = CardRuns(_seeds(runs.fine, (seed,)), tuple(_seeds(one, (seed,)) for one in runs.coarser))
-        for axis, way in zip("xy", card_of([some], "s", "").ways, strict=True):
+        for axis, way in _ways_of(runs, [seed]):
             part = next(part for part in way.closing.parts if part.name == "grid")
             truth = finer["closing_pressure"].sel(axis=axis).isel(seed=seed).item()
             own = runs.fine.dataset["closing_pressure"].sel(axis=axis).isel(seed=seed).item()
@@ -385,15 +363,16 @@ def test_the_closing_load_of_a_surface_4_times_finer_lies_in_the_interval(tmp_pa
 def test_the_accuracy_of_the_flows_is_in_the_part_of_the_solver(tmp_path: Path) -> None:
     """Without a key of the study the flows of a card are solved to 1e-3."""
     text = TEXT.replace("seeds: 3", "seeds: 1").replace("m: 7", "m: 6")
-    planned = card_runs.plan(loads(text), Level("last"))
-    assert planned.fine.study.record.transport.accuracy == 1e-3
+    run = _pressed(text, Level("last"), tmp_path)
+    assert card_runs.plan(loads(text), Level("last")).fine.study.record.transport.accuracy == 1e-3
     exact = text.replace("{transmissivity: every-step}", "{transmissivity: every-step, accuracy: 1e-9}")
     assert card_runs.plan(loads(exact), Level("last")).fine.study.record.transport.accuracy == 1e-9
-    fine = execution.run(planned.fine.study, jobs=1, out=tmp_path)
-    rough = fine.assign(transmissivity_error=fine.transmissivity_error + 0.01)
-    one, other = (card_of([CardRuns(Pressed("", ds, planned.fine.level))], "", "").ways[0] for ds in (fine, rough))
-    own = float(fine.transmissivity_error.max())
-    assert_allclose(_part(other, "solver").factor / _part(one, "solver").factor, (1.01 + own) / (1.0 + own), rtol=1e-9)
+    rough = run.dataset.assign(transmissivity_error=run.dataset.transmissivity_error + 0.01)
+    one, other = (_of(run, ds).ways[0] for ds in (run.dataset, rough))
+    own = float(run.dataset.transmissivity_error.max())
+    assert_allclose(
+        part_of(other, "solver").factor / part_of(one, "solver").factor, (1.01 + own) / (1.0 + own), rtol=1e-9
+    )
 
 
 def test_a_card_of_a_file_has_levelling_and_quadrants_at_one_nominal_pressure(tmp_path: Path) -> None:
@@ -410,11 +389,11 @@ def test_a_card_of_a_file_has_levelling_and_quadrants_at_one_nominal_pressure(tm
     assert_allclose(nominal, nominal[0], rtol=1e-4)
     way = card_of([made], "scan", "").ways[0]
     assert [part.name for part in way.parts] == ["solver", "grid", "window", "levelling"]
-    assert "quadrants of the map" in _part(way, "window").words
+    assert "quadrants of the map" in part_of(way, "window").words
     starred = card_of([_without_units(made)], "scan", "")
     assert starred.ways[0].unit == ""
     for name in ("solver", "grid", "window", "levelling"):  # T* V*³ Sq³ in the place of mm³/s
-        assert_allclose(_part(starred.ways[0], name).factor, _part(way, name).factor, rtol=1e-6)
+        assert_allclose(part_of(starred.ways[0], name).factor, part_of(way, name).factor, rtol=1e-6)
 
 
 def _without_units(runs: CardRuns) -> CardRuns:
@@ -462,16 +441,13 @@ def test_a_level_that_is_no_load_of_a_card_is_refused(text: str, words: str, stu
 )
 def test_a_load_may_have_a_unit(text: str, kind: str, value: float, tmp_path: Path) -> None:
     small = TEXT.replace("m: 7", "m: 5").replace("seeds: 3", "seeds: 2")
-    runs = card_runs.compute(loads(small), parse(text), tmp_path, jobs=1)
-    assert_allclose(
-        runs.fine.dataset[f"flux_at_{kind}"].values, value, rtol=2e-2 if kind.startswith("contact") else 1e-5
-    )
-    assert_allclose(runs.fine.dataset[f"flux_at_{kind}"].values.shape, (1, 1, 2, 1))
+    found = _pressed(small, parse(text), tmp_path).dataset[f"flux_at_{kind}"].values
+    assert_allclose(found, value, rtol=2e-2 if kind.startswith("contact") else 1e-5)
+    assert found.shape == (1, 1, 2, 1)
 
 
 def test_surfaces_of_different_heights_have_one_nominal_pressure(tmp_path: Path) -> None:
-    runs = card_runs.compute(loads(VARIED), parse("pressure=5 kPa"), tmp_path, jobs=1)
-    card = card_of([runs], "varied", "")
+    card = _finest(VARIED, parse("pressure=5 kPa"), tmp_path)
     assert np.ptp([one.Sq for one in card.surfaces]) > 0.1
     assert_allclose([one.nominal_pressure for one in card.surfaces], 0.005, rtol=1e-5)
 
@@ -485,11 +461,11 @@ record: {{transport: {{transmissivity: every-step}}, {DIMENSIONAL}}}
 """
     leaks = {}
     for at in ("pressure=0.5", "pressure=0.5, leg 1", "pressure=0.5, leg 2", "last", "last, leg 1"):
-        runs = card_runs.compute(loads(text), parse(at), tmp_path, jobs=1)
-        card = card_of([runs], "metal", at)
+        run = _pressed(text, parse(at), tmp_path)
+        card = _of(run)
         leaks[at] = card.ways[0].leak.value
-        fine = runs.fine.dataset.isel(D=0, m=0, seed=0)
-        assert _part(card.ways[0], "solver").known
+        fine = run.dataset.isel(D=0, m=0, seed=0)
+        assert part_of(card.ways[0], "solver").known
         if "leg 2" in at:
             stored = fine.sel(flux_at=at)
             assert_allclose(leaks[at], stored["flux_at_leak_rate"].sel(axis="x"), rtol=1e-12)
@@ -528,19 +504,16 @@ def test_under_fluid_pressure_every_run_has_the_leak_of_the_lifted_gap(lifted: C
         dry = next(beside for beside in card.beside if "without fluid pressure" in beside.words)
         assert_allclose(dry.leaks["xy".index(axis)].value, fine["flux_at_leak_rate"].sel(axis=axis).item(), rtol=1e-12)
         coarse = lifted.coarser[0].dataset["fluid_leak_rate"].sel(axis=axis).item()
-        assert f"twice the spacing: × {coarse / way.leak.value:.4g}" in _part(way, "grid").words
+        assert f"twice the spacing: × {coarse / way.leak.value:.4g}" in part_of(way, "grid").words
         assert all(part.known for part in way.parts)
-        assert not _part(way, "solver").words.startswith("certified")
+        assert not part_of(way, "solver").words.startswith("certified")
     assert card.plain()["ways"][0]["closing_pressure"] is None  # known of the dry gap alone
 
 
 def test_the_window_under_fluid_pressure_is_that_of_the_lifted_gap(lifted: CardRuns) -> None:
     dry = lifted.fine.dataset.copy()
     dry["fluid_gap"] = dry["gap"].rename(field_at="fluid_at").broadcast_like(dry["fluid_gap"])
-    ways = [
-        card_of([CardRuns(Pressed("", ds, lifted.fine.level))], "", "").ways[0] for ds in (lifted.fine.dataset, dry)
-    ]
-    one, other = (_part(way, "window").factor for way in ways)
+    one, other = (part_of(_of(lifted.fine, ds).ways[0], "window").factor for ds in (lifted.fine.dataset, dry))
     assert math.isfinite(one)
     assert one != other
 
@@ -557,7 +530,7 @@ def test_the_part_of_the_solver_under_fluid_pressure_holds_an_exact_one(
     truth = execution.run(exact, jobs=1, out=tmp_path)
     for axis, way in zip("xy", card_of([lifted], "lift", "").ways, strict=True):
         off = abs(math.log(truth["fluid_leak_rate"].sel(axis=axis).item() / way.leak.value))
-        assert off <= math.log(_part(way, "solver").factor)
+        assert off <= math.log(part_of(way, "solver").factor)
 
 
 def test_a_fluid_pressure_without_units_keeps_its_nominal_value_on_other_grids(tmp_path: Path) -> None:
@@ -584,36 +557,11 @@ def test_the_gas_beside_fluid_pressure_is_named_dry(tmp_path: Path) -> None:
     )
     text = text.replace("unit: mm^3/s}", "unit: mm^3/s}, gas_leak_rate: mbar*l/s")
     text += "fluid: {gas: helium, inlet: 2 bar, outlet: 1.5 bar}\n"
-    planned = card_runs.plan(loads(text), Level("last")).fine
-    fine = execution.run(planned.study, jobs=1, out=tmp_path)
-    card = card_of([CardRuns(Pressed("", fine, planned.level))], "", "")
-    named = {beside.words: beside for beside in card.beside}
+    run = _pressed(text, Level("last"), tmp_path)
+    named = {beside.words: beside for beside in _of(run).beside}
     gas = next(words for words in named if "helium" in words)
     assert gas.startswith("leak of the dry gap, without fluid pressure")
-    assert_allclose(named[gas].leaks[0].value, fine.gas_leak_rate.sel(axis="x").isel(step=-1).item(), rtol=1e-9)
-
-
-# several files
-
-
-def test_files_of_different_sq_are_each_at_the_load_with_a_card_of_all(tmp_path: Path) -> None:
-    for k, height in enumerate((0.3, 0.4, 0.6)):
-        z = random_midpoint_displacement(2.2, 5, seed=k).heights
-        np.savetxt(tmp_path / f"face{k}.txt", height * z / z.std(), header="heights in um")
-    text = TEXT.replace(
-        "{D: 2.2, m: 7, seeds: 3, L: 200 um, Sq: 0.4 um}", '{files: "face*.txt", L: 200 um, sides: free}'
-    )
-    (tmp_path / "s.yaml").write_text(text.replace("1.2", "0.02 MPa"))
-    surfaces = card_runs.surfaces_of(load(tmp_path / "s.yaml"))
-    assert list(surfaces) == ["face0.txt", "face1.txt", "face2.txt"]
-    at = parse("pressure=0.01 MPa")
-    runs = [card_runs.compute(study, at, tmp_path / "runs" / name, jobs=1) for name, study in surfaces.items()]
-    card = card_of(runs, "three", "pressure=0.01 MPa")
-    assert [one.name for one in card.surfaces] == list(surfaces)
-    assert_allclose([one.Sq for one in card.surfaces], [0.3, 0.4, 0.6], rtol=1e-6)
-    assert_allclose([one.nominal_pressure for one in card.surfaces], 0.01, rtol=1e-4)  # that of its solver
-    single = [card_of([one], "one", "").ways[0].leak.value for one in runs]
-    assert_allclose(card.ways[0].leak.value, np.median(single), rtol=1e-12)
+    assert_allclose(named[gas].leaks[0].value, run.dataset.gas_leak_rate.sel(axis="x").isel(step=-1).item(), rtol=1e-9)
 
 
 # the curve of a leak
@@ -634,13 +582,12 @@ def test_the_load_of_a_leak_is_the_inverse_of_the_leak_at_a_load(runs: CardRuns)
 
 def test_the_window_of_a_map_with_a_closed_quadrant_ends_at_its_closing_load(tmp_path: Path) -> None:
     """A quadrant that is closed, or nearly, counts as the closing load: it does not widen the part without end."""
-    planned = card_runs.plan(loads(TEXT.replace("seeds: 3", "seeds: [1]").replace("m: 7", "m: 6")), Level("last")).fine
-    fine = execution.run(planned.study, jobs=1, out=tmp_path)
+    run = _pressed(TEXT.replace("seeds: 3", "seeds: [1]").replace("m: 7", "m: 5"), Level("last"), tmp_path)
     factors = []
     for share in (1.0, 1e-60, 0.0):
-        flows = fine["quadrant_flow"].copy()
+        flows = run.dataset["quadrant_flow"].copy()
         flows[{"quadrant": 0}] *= share
-        way = card_of([CardRuns(Pressed("", fine.assign(quadrant_flow=flows), planned.level))], "", "").ways[0]
+        way = _of(run, run.dataset.assign(quadrant_flow=flows)).ways[0]
         factors.append(next(part.factor for part in way.closing.parts if part.name == "window"))
     assert_allclose(factors[1], factors[2], rtol=1e-6)
     assert 1.0 < factors[0] < math.inf

@@ -8,17 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from numpy.testing import assert_allclose
 
 from roughvol.analysis.leak_budget import card_of
-from roughvol.analysis.leak_card import Part, Way
 from roughvol.campaign import card as card_runs
 from roughvol.campaign import execution
-from roughvol.cli import main
 from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.study import Level, load, loads, parse
 from roughvol.surfaces.midpoint import random_midpoint_displacement
+from tests.analysis.kit import part_of
+from tests.kit import said
 
 RECORD = """
 record:
@@ -28,13 +27,9 @@ record:
 AT = Level("pressure", 0.5)
 
 
-def _part(way: Way, name: str) -> Part:
-    return next(part for part in way.parts if part.name == name)
-
-
 def test_quadrants_of_one_map_hold_the_mean_of_the_ensemble(tmp_path: Path) -> None:
     text = (
-        "name: rolled\nsurface: {H: 0.8, rolloff: 6, n: 64, seeds: 8, L: 200 um, Sq: 0.4 um}\n"
+        "name: rolled\nsurface: {H: 0.8, rolloff: 6, n: 32, seeds: 8, L: 200 um, Sq: 0.4 um}\n"
         "material: {E_star: 10 MPa}\nsweep: {steps: 3, to: {pressure: 0.5}}" + RECORD
     )
     fine = execution.run(card_runs.plan(loads(text), AT).fine.study, jobs=1, out=tmp_path)
@@ -42,7 +37,7 @@ def test_quadrants_of_one_map_hold_the_mean_of_the_ensemble(tmp_path: Path) -> N
     for axis in (0, 1):
         ways = [card.ways[axis] for card in every]
         logs = np.log([way.leak.value for way in ways])
-        factors = [math.log(_part(way, "window").factor) for way in ways]
+        factors = [math.log(part_of(way, "window").factor) for way in ways]
         covered = np.abs(logs - logs.mean()) <= factors
         assert np.mean(covered) >= 0.75  # 95 % of the intervals, with few surfaces to count
 
@@ -71,11 +66,10 @@ def test_another_levelling_covers_the_leak_of_the_map_without_its_form(tmp_path:
         runs = card_runs.compute(study, parse("pressure=0.01 MPa"), tmp_path / name, jobs=1)
         leak[name] = card_of([runs], name, "")
     for truth, bowed in zip(leak["flat"].ways, leak["bowed"].ways, strict=True):
-        factor = _part(bowed, "levelling").factor
+        factor = part_of(bowed, "levelling").factor
         assert factor > 1.02
-        assert_allclose(
-            abs(math.log(truth.leak.value / bowed.leak.value)), math.log(factor), rtol=1e-3
-        )  # quadratic: the truth
+        off = abs(math.log(truth.leak.value / bowed.leak.value))
+        assert_allclose(off, math.log(factor), rtol=1e-3)  # quadratic: the truth
 
 
 def _levelled(heights: np.ndarray) -> np.ndarray:
@@ -100,10 +94,9 @@ def test_a_card_from_the_file_of_an_instrument(tmp_path: Path, monkeypatch: pyte
         "name: seal\nsurface: {file: scan.x3p, level: tilt, missing: interpolate, unit: um}\n"
         "material: {E: 10 MPa, nu: 0.49}\nsweep: {steps: 4, to: {pressure: 0.05 MPa}}" + RECORD
     )
-    done = CliRunner().invoke(main, ["card", "seal.yaml", "--at", "pressure=0.03 MPa", "--jobs", "1"])
-    assert done.exit_code == 0, done.output
-    assert re.search(r"Load +0\.03 MPa", done.output)
-    assert re.search(r"Surface +scan\.x3p, Sq ", done.output)
+    printed = said("card", "seal.yaml", "--at", "pressure=0.03 MPa", "--jobs", "1")
+    assert re.search(r"Load +0\.03 MPa", printed)
+    assert re.search(r"Surface +scan\.x3p, Sq ", printed)
     for part in ("solver", "grid", "window", "levelling"):
-        assert f"\n  {part} " in done.output
+        assert f"\n  {part} " in printed
     assert (tmp_path / "runs" / "seal_card" / "card_pressure=0.03_MPa.pdf").stat().st_size > 10_000

@@ -53,7 +53,7 @@ def random(seed):
 
 def mean_plane(surface):
     """Indentation at which the rigid plane has come down to the mean plane, d = 0."""
-    return (surface.z_max - surface.mean_height) / surface.Sq
+    return (surface.z_max - surface.mean_height) / (surface.Sq or 1.0)
 
 
 def coefficients(shape, kernel="love"):
@@ -152,6 +152,39 @@ def scaled_overlap(surface, indentation):
 def lattice_pressure(contact):
     """q = p δ/(π E* σ) of a record with the pressure p L/(E* σ)."""
     return contact.pressure() / (math.pi * (contact.shape[0] - (not contact.periodic)))
+
+
+def numbers(contacts):
+    return np.array([(c.contact_area_fraction, c.mean_pressure, c.free_volume) for c in contacts])
+
+
+def check_conditions(contact, surface, kernel, rtol, rounding=1e-14):
+    """All that is true of a record of a free patch by definition, by a convolution that is not the package's.
+
+    `rounding` is that of numbers of the order of 1, and counts in contact outside the overlap where it exceeds 1e-14.
+    """
+    slack = rounding * (1.0 + abs(contact.indentation)) if rounding > 1e-14 else 0.0
+    rounding *= 1.0 + abs(contact.indentation)
+    p, g, mask = contact.pressure(), contact.gap(), contact.contact()
+    q, b = lattice_pressure(contact), scaled_overlap(surface, contact.indentation)
+    u = summed_displacement(q, kernel)
+    residual = max(np.abs((u - b)[q > 0]).max(initial=0.0), -(u - b)[b > 0].min(initial=0.0))
+    assert p.shape == g.shape == mask.shape == surface.shape
+    assert p.min() >= 0.0
+    assert g.min() >= 0.0
+    assert not (p * g).any()
+    assert np.array_equal(mask, p > 0.0)
+    assert not g[mask].any()
+    assert not (mask & (b <= -slack)).any()  # contact lies within the rigid overlap
+    assert residual == pytest.approx(contact.residual, abs=20 * rounding)
+    assert contact.residual <= rtol
+    assert contact.converged is True
+    assert contact.contact_area_fraction == mask.mean()
+    assert contact.mean_pressure == pytest.approx(p.mean(), rel=1e-13)
+    assert contact.separation == pytest.approx(-b.mean(), abs=rounding)
+    expected = 0.0 if mask.all() else contact.separation + u.mean()
+    assert contact.free_volume == pytest.approx(expected, abs=10 * rounding)
+    assert contact.free_volume == pytest.approx(g.mean(), abs=contact.residual + 10 * rounding)
 
 
 def solved_case(heights, indentations):

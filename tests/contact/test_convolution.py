@@ -15,19 +15,28 @@ from tests.contact.kit import SIDES, half_space, random
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize(("together", "band", "cache"), [(1, 7, 2**18), (8, 64, 2**14), (1000, 1000, 2**16)])
-def test_neither_threads_nor_copies_of_rows_and_columns_change_a_bit(together, band, cache, threads):
+@pytest.mark.parametrize(
+    ("sides", "other"),
+    [
+        ("free", Tuning(columns_together=1, band=7)),
+        ("free", Tuning(columns_together=8, band=64, cache=2**14)),
+        ("free", Tuning(columns_together=1000, band=1000, cache=2**16)),
+        ("mirrored", Tuning()),
+        ("mirrored", Tuning(cache=2**13)),
+    ],
+)
+def test_neither_threads_nor_copies_of_rows_and_columns_change_a_bit(sides, other, threads):
     shape = (65, 133)
     pressure = random(0).standard_normal(shape)
     elements = np.flatnonzero(pressure > 0.5)
 
     def displacements(threads, tuning):
-        space = HalfSpace(shape, threads=threads, tuning=tuning)
+        space = HalfSpace(shape, threads=threads, tuning=tuning, sides=sides)
         few = [space.displacement_at(elements, pressure.ravel()[elements], single=single) for single in (False, True)]
         return np.concatenate((space.displacement(pressure).ravel(), *few))
 
-    other = Tuning(columns_together=together, band=band, cache=cache)
-    assert np.array_equal(displacements(threads, other), displacements(1, Tuning()))
+    plain = Tuning() if sides == "free" else other
+    assert np.array_equal(displacements(threads, other), displacements(1, plain))
 
 
 @pytest.mark.parametrize("count", [1, 2, 7, 8, 9, 129, 257, 1025, 4097])

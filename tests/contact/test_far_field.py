@@ -113,13 +113,8 @@ def test_any_guess_of_t_leaves_it_positive_definite(guess, factorised_up_to):
     for shape in ((33, 33), (3, 120)):
         space, elements, matrix, t = contact_set(shape)
         noise = random(1).exponential(size=t.size) ** 4
-        guesses = {
-            "t": np.maximum(t, 0.0),
-            "noise": noise,
-            "nothing": 0.0 * t,
-            "one element": 1.0 * (noise == max(noise)),
-        }
-        found = inverse(space, elements, guesses[guess], factorised_up_to=factorised_up_to)
+        guesses = {"t": np.maximum(t, 0.0), "noise": noise, "nothing": 0.0 * t, "one element": noise == max(noise)}
+        found = inverse(space, elements, 1.0 * guesses[guess], factorised_up_to=factorised_up_to)
         spectrum_of(of_units(found, elements.size), matrix)
 
 

@@ -110,11 +110,11 @@ def test_long_waves_see_the_half_space():
 
 
 def aliases_of(thickness, nu, n, reach):
-    """Sum over aliases of the waves of a layer spread over elements, in extended precision, as a slow counterpart."""
+    """Sum over aliases of the waves of a layer spread over elements, as a slow counterpart."""
     k, m = 3.0 - 4.0 * nu, np.arange(-reach, reach + 1)
-    total = np.zeros((n // 2 + 1, n // 2 + 1), dtype=np.longdouble)
+    total = np.zeros((n // 2 + 1, n // 2 + 1))
     for i, j in np.ndindex(total.shape):
-        row, column = np.longdouble(i) / n + m[:, None], np.longdouble(j) / n + m
+        row, column = i / n + m[:, None], j / n + m
         f = np.hypot(row, column)
         f[f == 0.0] = np.inf
         x = np.minimum(4.0 * np.pi * f * thickness, 100.0)
@@ -139,8 +139,8 @@ def test_a_thin_layer_is_stiffer_and_a_thick_one_is_the_half_space(elements):
 
 @pytest.mark.parametrize("nu", [-0.5, 0.0, 0.3])
 def test_long_waves_press_a_layer_as_a_mattress_of_springs(nu):
-    thickness = 0.5
-    spectrum = periodic_spectrum((512, 512), layer(thickness, nu))
+    thickness = 0.25
+    spectrum = periodic_spectrum((256, 256), layer(thickness, nu))
     springs = np.pi * thickness * (1.0 - 2.0 * nu) / (1.0 - nu) ** 2
     np.testing.assert_allclose(spectrum[[1, 0, 1], [0, 1, 1]], springs, rtol=1e-4)
 

@@ -26,7 +26,7 @@ from tests.contact.kit import (
     KERNELS,
     REFERENCE,
     DenseHalfSpace,
-    coefficients,
+    check_conditions,
     dense,
     every_body,
     exact_pressure,
@@ -34,6 +34,7 @@ from tests.contact.kit import (
     half_space,
     lattice_pressure,
     mean_plane,
+    numbers,
     random,
     scaled_overlap,
     self_affine,
@@ -66,37 +67,8 @@ STEPS = (0.1, 0.9, 2.4, 8.0)
 TIGHT = 1e-10
 
 
-def numbers(contacts):
-    return np.array([(c.contact_area_fraction, c.mean_pressure, c.free_volume) for c in contacts])
-
-
 def total_work(contacts):
     return sum(c.convolutions + c.convolutions_fp32 for c in contacts)
-
-
-def check_conditions(contact, surface, kernel, rtol):
-    """All that is true of a record of a free patch by definition, by a convolution that is not the package's."""
-    p, g, mask = contact.pressure(), contact.gap(), contact.contact()
-    q, b = lattice_pressure(contact), scaled_overlap(surface, contact.indentation)
-    u = summed_displacement(q, kernel)
-    residual = max(np.abs((u - b)[q > 0]).max(initial=0.0), -(u - b)[b > 0].min(initial=0.0))
-    assert p.shape == g.shape == mask.shape == surface.shape
-    assert p.min() >= 0.0
-    assert g.min() >= 0.0
-    assert not (p * g).any()
-    assert np.array_equal(mask, p > 0.0)
-    assert not g[mask].any()
-    assert not (mask & (b <= 0.0)).any()  # contact lies within the rigid overlap
-    rounding = 1e-14 * (1.0 + abs(contact.indentation))
-    assert residual == pytest.approx(contact.residual, abs=20 * rounding)
-    assert contact.residual <= rtol
-    assert contact.converged is True
-    assert contact.contact_area_fraction == mask.mean()
-    assert contact.mean_pressure == pytest.approx(p.mean(), rel=1e-13)
-    assert contact.separation == pytest.approx(-b.mean(), abs=rounding)
-    expected = 0.0 if mask.all() else contact.separation + u.mean()
-    assert contact.free_volume == pytest.approx(expected, abs=10 * rounding)
-    assert contact.free_volume == pytest.approx(g.mean(), abs=contact.residual + 10 * rounding)
 
 
 def check_exact(contact, surface, kernel):
@@ -207,10 +179,7 @@ def test_height_scale_and_datum_change_nothing(heights):
 
 
 TURNS = [(fractal(4, 2.5, 4), turn) for turn in (np.transpose, np.flipud, np.rot90)]
-TURNS += [
-    (SURFACES["white noise"], np.transpose),
-    *((SURFACES[n], np.rot90) for n in ("pyramid", "four peaks", "flat")),
-]
+TURNS += [(SURFACES[name], np.rot90) for name in ("white noise", "pyramid", "four peaks", "flat")]
 TURNS += [(fractal(5, sides="periodic"), lambda field: np.roll(field, (11, 20), (0, 1)))]
 
 
@@ -261,22 +230,6 @@ def test_contact_sets_are_nested_pressures_rise_and_gaps_are_convex(D):
         predicted = b.contact() | (2.0 * w[1] - w[0] < 1e-10)
         assert not (c.contact() & ~predicted).any()
         assert b.mean_pressure - a.mean_pressure < c.mean_pressure - b.mean_pressure  # F(Δ) is convex
-
-
-def test_work_of_the_load_is_the_elastic_energy():
-    # ½ Σ p ū = ∫ F dΔ; F is convex, so the midpoint rule lies below the integral and the trapezoidal rule above it.
-    surface, steps = fractal(4), np.linspace(0.0, 3.0, 161)
-    contacts = swept(surface, tuple(steps[1:]), rtol=TIGHT)
-    force = np.array([0.0, *(lattice_pressure(c).sum() for c in contacts)])
-    energies = [0.5 * np.sum(lattice_pressure(c) * scaled_overlap(surface, c.indentation)) for c in contacts]
-    energy = np.array([0.0, *energies])
-    assert np.diff(force, 2).min() > -1e-9
-    double = steps[2] - steps[0]
-    above = np.cumsum(0.5 * double * (force[:-2:2] + force[2::2]))
-    below = np.cumsum(double * force[1::2])
-    assert (below <= energy[2::2] + 1e-9).all()
-    assert (energy[2::2] <= above + 1e-9).all()
-    assert above[-1] - below[-1] < 3e-3 * energy[-1]
 
 
 @every_body
@@ -422,28 +375,6 @@ def test_cut_pressures_may_be_summed_or_convolved(precision, rtol):
 
 
 # ---- extremes
-
-
-@pytest.mark.parametrize("kernel", KERNELS)
-def test_single_contact_is_one_element_on_the_half_space(kernel):
-    surface = fractal(5)
-    for contact in swept(surface, (1e-200, 1e-9, 1e-3), kernel):
-        mask = contact.contact()
-        assert mask.sum() == 1
-        assert surface.heights[mask] == surface.z_max
-        p = math.pi * 32 * contact.indentation / coefficients((1, 1), kernel)[0, 0]
-        assert contact.pressure().max() == pytest.approx(p, rel=1e-12)
-
-
-@pytest.mark.parametrize("m", [3, 5])
-def test_full_contact_at_200_sigma_is_as_stiff_as_the_flat_surface(m):
-    surface = fractal(m)
-    a, b = swept(surface, (200.0, 210.0), rtol=TIGHT)
-    (punch,) = swept(Surface(np.zeros(surface.shape), 1.0), (10.0,), rtol=TIGHT)
-    for contact in (a, b):
-        assert (contact.contact_area_fraction, contact.free_volume) == (1.0, 0.0)
-        assert not contact.gap().any()
-    assert b.mean_pressure - a.mean_pressure == pytest.approx(punch.mean_pressure, rel=1e-9)
 
 
 # ---- parts of an endless plane
@@ -664,17 +595,3 @@ def test_reference_states_are_solved():
 
 
 # ---- at the paper's size
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("m", "D"), [(7, 2.1), (7, 2.9), (8, 2.3)])
-def test_sixty_steps_at_real_size(m, D):
-    surface = fractal(m, D)
-    steps = tuple(np.linspace(0.0, mean_plane(surface), 61)[1:])
-    contacts = swept(surface, steps, rtol=1e-9)
-    for contact in contacts:
-        check_conditions(contact, surface, "love", 1e-9)
-    assert (np.diff(numbers(contacts), axis=0) * (1, 1, -1) >= 0.0).all()
-    alone = solve(surface, half_space(surface.shape), steps[-1], rtol=1e-9)
-    assert np.array_equal(contacts[-1].contact(), alone.contact())
-    assert contacts[-1].mean_pressure == pytest.approx(alone.mean_pressure, rel=1e-8)

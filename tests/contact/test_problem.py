@@ -27,8 +27,14 @@ BEYOND = {"love": 1e-12, "fourier": 1e-12, "punch": 0.07}  # of the interval of 
 ITERATED = Tuning(dense_up_to=4)  # a factorisation would leave no residual
 
 
-def check_changes(sides, kernel, generator, count, most):
-    """Contacts from scattered to nearly full."""
+@every_body
+@pytest.mark.parametrize(("count", "most"), [(8, 14), pytest.param(40, 22, marks=pytest.mark.slow)])
+def test_changes_of_height_change_volume_and_load_by_no_more_than_their_largest(sides, kernel, count, most):
+    """δV* = y·δ and δF = s·δ to first order, for heights of the contact changed by δ, |δ| ≤ η.
+
+    Contacts are from scattered to nearly full.
+    """
+    generator = random(1)
     for _ in range(count):
         shape = tuple(int(side) for side in generator.integers(6, most, 2))
         everywhere, field = dense(shape, kernel, sides), generator.standard_normal(shape)
@@ -41,18 +47,6 @@ def check_changes(sides, kernel, generator, count, most):
             assert np.abs(y).sum() <= 1.0 + 1e-12
             assert np.abs(s).sum() <= (1.0 + BEYOND[kernel]) * s.sum()
             assert kernel != "love" or s.min() > 0.0
-
-
-@every_body
-def test_changes_of_height_change_volume_and_load_by_no_more_than_their_largest(sides, kernel):
-    """δV* = y·δ and δF = s·δ to first order, for heights of the contact changed by δ, |δ| ≤ η."""
-    check_changes(sides, kernel, random(1), 8, 14)
-
-
-@pytest.mark.slow
-@every_body
-def test_changes_of_height_on_larger_contacts(sides, kernel):
-    check_changes(sides, kernel, random(1), 40, 22)
 
 
 @every_body

@@ -65,7 +65,7 @@ def test_indentation_for_a_pressure_meets_it(sides, kernel, method):
             found = indentation_for(surface, space, "pressure", value, rtol=1e-10)
             assert solve(surface, space, found, rtol=1e-11).mean_pressure == pytest.approx(value, rel=2e-6)
         else:
-            for guess in (0.0, 1.0, 30.0):
+            for guess in (-1.0, 0.0, 1.0, 30.0):
                 state = state_under(Trials(surface, space, rtol=1e-11), value, guess)
                 assert state.mean_pressure == pytest.approx(value, rel=1e-9)
 

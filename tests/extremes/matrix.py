@@ -24,11 +24,13 @@ from roughvol.errors import ContactError, SurfaceError
 from roughvol.study import loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
+from tests.contact import kit
 from tests.contact.kit import (
     coefficients,
-    dense_matrix,
     exact_pressure,
     lattice_pressure,
+    mean_plane,
+    numbers,
     scaled_overlap,
     summed_displacement,
 )
@@ -40,7 +42,6 @@ RTOL = 1e-9
 ROUNDING = 1e-13
 
 half_space = lru_cache(maxsize=4)(HalfSpace)
-matrix = lru_cache(maxsize=4)(lambda shape: dense_matrix(coefficients(shape)))
 
 
 @dataclass(frozen=True)
@@ -83,11 +84,6 @@ def _timed(function, value) -> Found:
     return Found(found.residual, found.states, found.compared, time.perf_counter() - started)
 
 
-def mean_plane(surface) -> float:
-    """Δ/σ at d = 0."""
-    return (surface.z_max - surface.mean_height) / (surface.Sq or 1.0)
-
-
 def press(surface, indentations=None, *, rtol=RTOL, thorough=True, **options) -> tuple[Found, list]:
     """Sweep, check every state, and return the report with the states."""
     if indentations is None:
@@ -95,50 +91,36 @@ def press(surface, indentations=None, *, rtol=RTOL, thorough=True, **options) ->
     contacts = list(sweep(surface, half_space(surface.shape), indentations, rtol=rtol, **options))
     small = surface.heights.size <= DENSE
     for contact in contacts if thorough else contacts[-1:]:
-        conditions(contact, surface, rtol)
+        kit.check_conditions(contact, surface, "love", rtol + 50 * ROUNDING * scale(contact), 2.5 * ROUNDING)
         if small:
             dense(contact, surface, rtol)
-    numbers = np.array([(c.contact_area_fraction, c.mean_pressure, -c.free_volume) for c in contacts])
-    assert (np.diff(numbers, axis=0) >= -4 * rtol * np.maximum(1.0, np.abs(numbers[1:]))).all()
+    rising = numbers(contacts) * (1.0, 1.0, -1.0)
+    assert (np.diff(rising, axis=0) >= -4 * rtol * np.maximum(1.0, np.abs(rising[1:]))).all()
     residual = max(contact.residual for contact in contacts)
     return Found(residual, len(contacts), "dense solution" if small else "conditions"), contacts
 
 
-def conditions(contact, surface, rtol) -> None:
-    p, g, mask = contact.pressure(), contact.gap(), contact.contact()
-    b = scaled_overlap(surface, contact.indentation)
-    scale = max(1.0, abs(contact.indentation))
-    assert np.isfinite(p).all()
-    assert np.isfinite(g).all()
-    assert p.min() >= 0.0
-    assert g.min() >= 0.0
-    assert not g[mask].any()
-    assert np.array_equal(mask, p > 0.0)
-    assert not (mask & (b < -ROUNDING * scale)).any()
-    u = summed_displacement(lattice_pressure(contact))
-    w = u - b
-    eta = max(np.abs(w[mask]).max(initial=0.0), -float(w.min()))
-    assert eta <= rtol + 50 * ROUNDING * scale
-    assert abs(eta - contact.residual) <= 50 * ROUNDING * scale
-    assert contact.converged
-    assert contact.contact_area_fraction == mask.mean()
-    volume = 0.0 if mask.all() else max(contact.separation + float(u.mean()), 0.0)
-    assert abs(contact.free_volume - volume) <= 50 * ROUNDING * scale
+def scale(contact) -> float:
+    return max(1.0, abs(contact.indentation))
 
 
 def dense(contact, surface, rtol) -> None:
-    b = scaled_overlap(surface, contact.indentation).ravel()
-    exact = exact_pressure(matrix(surface.shape), b)
-    scale = max(1.0, abs(contact.indentation))
-    assert np.abs(matrix(surface.shape) @ (lattice_pressure(contact).ravel() - exact)).max() <= 2 * rtol + 1e-10 * scale
-
-
-def numbers(contacts) -> np.ndarray:
-    return np.array([(c.contact_area_fraction, c.mean_pressure, c.free_volume) for c in contacts])
+    matrix = kit.dense(surface.shape)
+    exact = exact_pressure(matrix, scaled_overlap(surface, contact.indentation).ravel())
+    off = matrix @ (lattice_pressure(contact).ravel() - exact)
+    assert np.abs(off).max() <= 2 * rtol + 1e-10 * scale(contact)
 
 
 def same(one, other, tolerance) -> None:
     np.testing.assert_allclose(numbers(one), numbers(other), rtol=tolerance, atol=tolerance)
+
+
+def alike(surface, scaled, words) -> Found:
+    """Compare surfaces that differ in their unit of length."""
+    at = mean_plane(surface) * np.arange(1, 6) / 5
+    found, contacts = press(scaled, at)
+    same(contacts, press(surface, at)[1], 1e-11)
+    return Found(found.residual, found.states, words)
 
 
 def fractal(D, m, **options):
@@ -171,20 +153,12 @@ SCALES = {f"1e{k}": 10.0**k for k in (-250, -100, -12, 12, 100, 250)}
 @cells("heights ×", SCALES)
 def over_heights(factor):
     surface = fractal(2.4, 5, seed=3)
-    scaled = Surface(surface.heights * factor, surface.spacing)
-    at = mean_plane(surface) * np.arange(1, 6) / 5
-    found, contacts = press(scaled, at)
-    same(contacts, press(surface, at)[1], 1e-11)
-    return Found(found.residual, found.states, "equal to × 1")
+    return alike(surface, Surface(surface.heights * factor, surface.spacing), "equal to × 1")
 
 
 @cells("L", {f"1e{k}": 10.0**k for k in (-12, -6, 6, 12)})
 def over_L(L):
-    one, other = fractal(2.4, 5, seed=4, side=1.0), fractal(2.4, 5, seed=4, side=L)
-    at = mean_plane(one) * np.arange(1, 6) / 5
-    found, contacts = press(other, at)
-    same(contacts, press(one, at)[1], 1e-11)
-    return Found(found.residual, found.states, "equal to L = 1")
+    return alike(fractal(2.4, 5, seed=4, side=1.0), fractal(2.4, 5, seed=4, side=L), "equal to L = 1")
 
 
 @cells("E*", {f"1e{k}": 10.0**k for k in (-12, -3, 9, 15)})
@@ -336,10 +310,9 @@ def yielding(contact, surface, limit, left) -> None:
     w = summed_displacement(lattice_pressure(contact)) - scaled_overlap(surface, contact.indentation) + left
     eta = max(np.abs(w[(p > 0.0) & ~at_limit]).max(initial=0.0), w[at_limit].max(initial=0.0))
     eta = max(eta, -w[p == 0.0].min(initial=0.0))
-    scale = max(1.0, abs(contact.indentation))
-    assert eta <= RTOL + 100 * ROUNDING * scale
+    assert eta <= RTOL + 100 * ROUNDING * scale(contact)
     volume = contact.separation + (w + scaled_overlap(surface, contact.indentation) - left).mean() + plastic.mean()
-    assert abs(contact.free_volume - max(volume, 0.0)) <= 100 * ROUNDING * scale
+    assert abs(contact.free_volume - max(volume, 0.0)) <= 100 * ROUNDING * scale(contact)
 
 
 @cells("random", {f"{count} cases": count for count in (40, 600)}, quick=["40 cases"])

@@ -18,11 +18,19 @@ def test_the_change_of_the_pressure_is_its_derivative(axis: int, periodic: bool)
     np.testing.assert_allclose(found, (above - below) / 2e-5, rtol=0, atol=1e-3 * np.abs(found).max())
 
 
-def test_pressure_falls_evenly_between_plates_and_stays_at_the_inlet_before_a_wall() -> None:
-    plates = fluid_pressure(np.ones((10, 3)), 0)
-    np.testing.assert_allclose(plates[:, 0], 1.0 - (np.arange(10) + 0.5) / 10, atol=1e-7)
-    walled = np.ones((9, 4))
-    walled[4] = 0.0
-    pressure = fluid_pressure(walled, 0)
-    np.testing.assert_allclose(pressure[:4], 1.0, atol=1e-5)
-    np.testing.assert_allclose(pressure[5:], 0.0, atol=1e-5)
+@pytest.mark.parametrize("periodic", [False, True])
+def test_pressure_falls_evenly_between_plates(periodic: bool) -> None:
+    falls = np.outer(1.0 - (np.arange(10) + 0.5) / 10, np.ones(6))
+    for axis, expected in enumerate((falls, falls.T)):
+        found = fluid_pressure(np.ones(expected.shape), axis, periodic=periodic)
+        np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("narrow", [0.0, 0.01])
+def test_the_pressure_drops_at_a_wall_or_a_constriction(narrow: float) -> None:
+    gap = np.ones((9, 4))
+    gap[4] = narrow
+    pressure = fluid_pressure(gap, 0)
+    near = 1e-4 if narrow else 1e-5
+    np.testing.assert_allclose(pressure[:4], 1.0, atol=near)
+    np.testing.assert_allclose(pressure[5:], 0.0, atol=near)

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from roughvol.campaign import one_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve
-from roughvol.errors import ContactError, StudyError
+from roughvol.errors import ContactError
 from roughvol.gap.perimeter import contact_perimeter, corrected_area
 from roughvol.study import loads
 from roughvol.surfaces.surface import Surface
@@ -78,8 +78,3 @@ def test_a_study_stores_the_perimeter_of_every_step() -> None:
 def test_what_is_no_mask_is_refused() -> None:
     with pytest.raises(ContactError, match="mask of bool"):
         contact_perimeter(np.zeros((3, 3)))
-
-
-def test_without_contact_there_is_no_perimeter() -> None:
-    with pytest.raises(StudyError, match="contact_perimeter: no contact to record"):
-        loads("{surface: {D: 2.3, m: 4}, sweep: {steps: 0}, record: {contact_perimeter: true}}")

@@ -99,13 +99,6 @@ def test_waves_along_and_across_the_flow(exponent) -> None:
         assert flow(1) == pytest.approx(np.mean(k), rel=1e-10)
 
 
-def test_wave_tends_to_the_integral() -> None:
-    for n in (50, 200):  # the midpoint rule is exact to rounding for a periodic integrand
-        wave = 1.0 + 0.5 * np.sin(2 * np.pi * (np.arange(n) + 0.5) / n)
-        integral = (1 - 0.25) ** 2.5 / (1 + 0.5 * 0.25)  # 1/∫ (1 + a sin)^-3 = (1 - a²)^(5/2)/(1 + a²/2)
-        assert conduction(wave[:, None], 0).coefficient == pytest.approx(integral, rel=1e-12)
-
-
 def test_checkerboard_of_two_gaps_tends_to_the_geometric_mean() -> None:
     low, high, errors = 1.0, 4.0, []
     for size in (2, 4, 8, 16):

@@ -19,28 +19,26 @@ SURFACES = {
 }
 
 
-def _run(surface: str, sweep: str, more: str = "", record: str = "{transport: {closing: true}}") -> Dataset:
-    (case,) = loads(f"surface: {SURFACES[surface]}\nsweep: {sweep}\nrecord: {record}\n{more}").cases()
+def _run(surface: str, sweep: str, record: str) -> Dataset:
+    (case,) = loads(f"surface: {SURFACES[surface]}\nsweep: {sweep}\nrecord: {record}").cases()
     return run_case(case)
 
 
-@pytest.mark.parametrize("surface", SURFACES)
+BEFORE = "{steps: 5, to: {pressure: 0.5}}"
+ENDS = (BEFORE, "{steps: 7, to: percolation}", "{pressures: [9.0]}")
+
+
 @pytest.mark.parametrize(
-    "end", ["{steps: 5, to: {pressure: 0.5}}", "{steps: 7, to: percolation}", "{pressures: [9.0]}"]
+    ("surface", "end", "region"),
+    [*((surface, end, "") for surface in SURFACES for end in ENDS), ("free", BEFORE, "region: interior, ")],
 )
-def test_a_closing_load_is_that_of_a_sweep_to_the_end_of_percolation(surface: str, end: str) -> None:
+def test_a_closing_load_is_that_of_a_sweep_to_the_end_of_percolation(surface: str, end: str, region: str) -> None:
     """The sweep ends before the closing, at the closing of both ways, and its first step is closed."""
-    solved = _run(surface, end)["closing_pressure"]
+    record = f"{{{region}transport: {{closing: true}}}}"
+    solved = _run(surface, end, record)["closing_pressure"]
     for axis in "xy":
-        ended = _run(surface, f"{{steps: 1, to: {{percolation: {axis}}}}}")
+        ended = _run(surface, f"{{steps: 1, to: {{percolation: {axis}}}}}", record)
         assert_allclose(solved.sel(axis=axis).item(), ended["mean_pressure"].values.ravel()[-1], rtol=2e-3)
-
-
-def test_a_closing_load_is_that_of_the_region() -> None:
-    record = "{region: interior, transport: {closing: true}}"
-    solved = _run("free", "{steps: 5, to: {pressure: 0.5}}", record=record)["closing_pressure"]
-    ended = _run("free", "{steps: 1, to: {percolation: x}}", record=record)
-    assert_allclose(solved.sel(axis="x").item(), ended["mean_pressure"].values.ravel()[-1], rtol=2e-3)
 
 
 YIELDS = "material: {E: 200 GPa, nu: 0.3, hardness: 5 GPa}"

@@ -13,7 +13,6 @@ from roughvol.campaign.case_surface import surface_of
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
 from roughvol.errors import SurfaceError
-from roughvol.gap import box_counting, clusters, free_volume, transport
 from roughvol.observables import deformed
 from roughvol.observables.regions import View
 from roughvol.study import loads
@@ -48,45 +47,11 @@ def _texture(z: Heights) -> dict[str, Any]:
     )
 
 
-def _void(gap: Heights) -> dict[str, Any]:
-    contact = gap <= 0.0
-    volumes = free_volume.element_volumes(gap, SPACING, contact)
-    domain = free_volume.domain(volumes, 0.3 * float(volumes.max()), contact)
-    connected = clusters.connectivity(gap, contact, periodic=True)
-    cells = [transport.cell_conduction(gap, n, 3.0) for n in (0, 1)]
-    return {
-        "box_counts": box_counting.box_counts(domain, periodic=True).counts,
-        "cells": [getattr(cell, "coefficient", cell) for cell in cells],
-        **{name: value for name, value in connected._asdict().items() if np.ndim(value) == 0},
-    }
-
-
 @pytest.mark.parametrize("shift", SHIFTS)
 def test_texture_and_spectrum(heights: Heights, shift: tuple[int, int]) -> None:
     shifted = _texture(np.roll(heights, shift, (0, 1)))
     for name, value in _texture(heights).items():
         np.testing.assert_allclose(shifted[name], value, rtol=1e-9, atol=1e-12, err_msg=name)
-
-
-@pytest.mark.parametrize("shift", SHIFTS)
-def test_box_counts_clusters_and_the_cell(heights: Heights, shift: tuple[int, int]) -> None:
-    gap = np.maximum(0.4 - heights, 0.0)
-    shifted = _void(np.roll(gap, shift, (0, 1)))
-    for name, value in _void(gap).items():
-        np.testing.assert_allclose(shifted[name], value, rtol=1e-7, err_msg=name)
-
-
-@pytest.mark.parametrize(("axis", "shift"), [(0, (0, 11)), (1, (11, 0))])
-def test_what_leads_from_side_to_side_does_not_feel_a_shift_across(
-    heights: Heights, axis: int, shift: tuple[int, int]
-) -> None:
-    for level in (-0.6, -0.2, 0.2):
-        gap = np.maximum(level - heights, 0.0)
-        moved = np.roll(gap, shift, (0, 1))
-        percolates = clusters.percolates(gap > 0.0, axis, periodic=True)
-        assert clusters.percolates(moved > 0.0, axis, periodic=True) == percolates
-        one, other = (transport.conduction(g, axis, periodic=True).coefficient for g in (gap, moved))
-        assert other == pytest.approx(one, rel=1e-6, abs=1e-300)
 
 
 @pytest.mark.parametrize("shift", SHIFTS)
@@ -160,20 +125,6 @@ def test_structure_and_gradients_are_the_sums_over_the_waves_of_a_generated_peri
     q = np.sin(2 * np.pi * waves) / made.spacing
     slope = math.sqrt((power * (q[:, None] ** 2 + q[None, :] ** 2)).sum())
     assert texture.Sdq(made.with_neighbours, made.spacing) == pytest.approx(slope, rel=1e-10)
-
-
-def test_box_counts_of_a_period_are_the_mean_over_all_beginnings() -> None:
-    mask = np.random.default_rng(2).random((16, 16)) < 0.05
-    found = box_counting.box_counts(mask, periodic=True)
-    every = [
-        box_counting.box_counts(np.roll(mask, (i, j), (0, 1))).counts for i in range(16) for j in range(16)
-    ]  # fmt: skip
-    np.testing.assert_allclose(found.counts, np.mean(every, axis=0), rtol=1e-12)
-    assert found.counts[0] == mask.sum()
-    assert (found.counts[:-1] >= found.counts[1:]).all()
-    assert (4 * found.counts[1:] >= found.counts[:-1]).all()
-    plane = box_counting.box_counts(np.ones((24, 16), dtype=np.bool_), periodic=True)
-    np.testing.assert_allclose(box_counting.local_dimension(plane).dimension, 2.0)
 
 
 def test_a_study_joins_the_sides_of_a_period_and_not_those_of_a_region() -> None:

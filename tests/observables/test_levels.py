@@ -57,14 +57,6 @@ def test_a_state_is_at_its_level(region: str, solver: str) -> None:
         assert within(short, case).contact_area_fraction < area
 
 
-def test_the_paper_s_method_finds_the_same_levels() -> None:
-    fast, paper = (
-        pressed(AT, m=3, to="{indentation: 2}", solver=f"{{method: {name}}}")[0] for name in ("fast", "paper")
-    )
-    for name in reduction.OF_STATE:
-        assert_allclose(paper[f"field_at_{name}"], fast[f"field_at_{name}"], rtol=1e-5)
-
-
 def test_what_is_stored_belongs_to_the_state_and_lies_between_the_steps() -> None:
     result, case = pressed(AT)
     surface = surface_of(case)

@@ -37,31 +37,18 @@ record:
 SWEEPS = {
     "pressures": "{pressures: [0.01 MPa, 0.05 MPa, 0.2 MPa, 1 MPa]}",
     "loads": "{loads: [LOAD]}",
-    "area": "{steps: 3, to: {contact_area: 0.3}}",
-    "mean plane": "{steps: 4, to: mean-plane}",
-    "closed": "{steps: 3, to: percolation}",
-    "separation": "{steps: 3, to: {separation: 0.8}}",
-    "indentation": "{steps: 3, to: {indentation: 1.2}}",
-    "gap": "{steps: 3, to: {mean_gap: 0.3 um}}",
-    "legs": "[{steps: 4, to: {pressure: 0.3 MPa}}, {steps: 3, to: {pressure: 0.02 MPa}}, {steps: 2, to: LAST}]".replace(
-        "LAST", "{pressure: 0.4 MPa}"
-    ),
+    "area": "{steps: 2, to: {contact_area: 0.3}}",
+    "mean plane": "{steps: 2, to: mean-plane}",
+    "closed": "{steps: 2, to: percolation}",
+    "separation": "{steps: 2, to: {separation: 0.8}}",
+    "indentation": "{steps: 2, to: {indentation: 1.2}}",
+    "gap": "{steps: 2, to: {mean_gap: 0.3 um}}",
+    "legs": "[{pressures: [0.1 MPa, 0.3 MPa]}, {pressures: [0.1 MPa, 0.02 MPa]}, {pressures: [0.4 MPa]}]",
 }
-EQUAL = [
-    "contact_area_fraction",
-    "free_volume",
-    "separation",
-    "indentation",
-    "plastic_volume",
-    "plastic_area_fraction",
-    "nominal_pressure",
-    "mean_gap",
-    "critical_gap",
-    "leak_rate",
-    "transmissivity",
-    "percolates",
-    "diffusivity",
-]
+ELASTIC, YIELDS = "{E: 10 MPa, nu: 0.5}", "{E: 10 MPa, nu: 0.5, hardness: 1.5 MPa}"
+OF_STATE = {"contact_area_fraction", "free_volume", "separation", "indentation", "nominal_pressure", "mean_gap"}
+OF_FLOW = {"critical_gap", "leak_rate", "transmissivity", "percolates", "diffusivity"}
+OF_YIELD = {"plastic_volume", "plastic_area_fraction"}
 
 
 @pytest.fixture(scope="module")
@@ -79,17 +66,18 @@ def states(folder: Path, file: str, L: float, sides: str, sweep: str, material: 
     return roughvol.run(loads(text, folder / "study.yaml"), out=folder / "run", fresh=True, jobs=1).squeeze()
 
 
-@pytest.mark.parametrize("material", ["{E: 10 MPa, nu: 0.5}", "{E: 10 MPa, nu: 0.5, hardness: 1.5 MPa}"])
-@pytest.mark.parametrize("kind", SWEEPS)
+@pytest.mark.parametrize(
+    ("kind", "material"),
+    [(kind, ELASTIC) for kind in SWEEPS]
+    + [(kind, YIELDS) for kind in SWEEPS if kind not in ("loads", "separation", "gap")],
+)
 def test_every_number_is_that_of_the_joint(folder: Path, kind: str, material: str) -> None:
     """Two patches in a row and two side by side leak as one. A force is that of four patches."""
     area = SHAPE[0] * SHAPE[1] * SPACING**2  # um²; 1 MPa um² is 1e-6 N
     sweep, of_all = (SWEEPS[kind].replace("LOAD", f"{share * 0.1e-6 * area!r} N") for share in (1, 4))
     quarter = states(folder, "quarter", SPACING * (SHAPE[0] - 1), "mirrored", sweep, material)
     joint = states(folder, "joint", SPACING * 2 * SHAPE[0], "periodic", of_all, material)
-    compared = [name for name in EQUAL if name in quarter]
-    assert set(compared) >= {*EQUAL} - {"plastic_volume", "plastic_area_fraction"}
-    for name in compared:
+    for name in OF_STATE | OF_FLOW | (OF_YIELD if "hardness" in material else set()):
         # searches are right to 1e-6 of Δ, that of a closing to 1e-4, and p* rises with a power of Δ
         assert_allclose(quarter[name], joint[name], rtol=4e-4 if kind == "closed" else 1e-4, atol=1e-7, err_msg=name)
     assert (quarter.attrs["sides"], joint.attrs["sides"]) == ("mirrored", "periodic")

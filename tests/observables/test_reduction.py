@@ -41,11 +41,6 @@ def values(case: Case, contacts: list[Contact]) -> dict[str, Any]:
     return reduced(case, contacts)
 
 
-def test_every_step_is_kept(values: dict[str, Any], contacts: list[Contact]) -> None:
-    for name in reduction.PER_STEP:
-        assert_array_equal(values[name], [getattr(contact, name) for contact in contacts])
-
-
 def test_a_level_is_the_first_state_that_reaches_it(values: dict[str, Any], contacts: list[Contact]) -> None:
     areas = np.array([contact.contact_area_fraction for contact in contacts])
     first = 1 + int(np.argmax(areas >= 0.01))

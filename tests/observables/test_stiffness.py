@@ -156,7 +156,6 @@ def test_a_run_shows_stiffness_and_conductance(tmp_path: Path) -> None:
     assert fig.axes[0].get_xscale() == fig.axes[0].get_yscale() == "log"
 
 
-def test_conductivities_are_checked() -> None:
-    for wrong, words in (("[50 W/m/K]", "at least 2"), ("[50 W/m/K, 1 MPa]", "pressure"), ("[50, 50]", "with a unit")):
-        with pytest.raises(StudyError, match=words):
-            loads(TEXT.replace("[50 W/m/K, 0.5 W/cm/K]", wrong))
+def test_one_conductivity_is_refused() -> None:
+    with pytest.raises(StudyError, match="at least 2"):
+        loads(TEXT.replace(", 0.5 W/cm/K]", "]"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
+import pkgutil
 from typing import Any
 
 import numpy as np
@@ -33,22 +33,12 @@ SPACING = 3.0 / 32
 
 
 def _resolved(source: str) -> Any:
-    """Return what a dotted name of the package names: a module, then attributes or fields of a record."""
-    parts = source.split(".")
-    length = next(k for k in range(len(parts), 0, -1) if importlib.util.find_spec(_module(parts[:k])) is not None)
-    found: Any = importlib.import_module(_module(parts[:length]))
-    for part in parts[length:]:
-        fields = {field.name for field in dataclasses.fields(found)} if dataclasses.is_dataclass(found) else set()
-        found = part if part in fields else getattr(found, part)
-    return found
-
-
-def _module(parts: list[str]) -> str:
-    if parts[:-1]:  # the parent of a module is a package, or `find_spec` fails
-        parent = importlib.util.find_spec(_module(parts[:-1]))
-        if parent is None or parent.submodule_search_locations is None:
-            return "roughvol._no_such_module"
-    return ".".join(["roughvol", *parts])
+    """Return what a dotted name of the package names: a module, an attribute, or a field of a record."""
+    owner, _, name = f"roughvol.{source}".rpartition(".")
+    record = pkgutil.resolve_name(owner)
+    if dataclasses.is_dataclass(record) and name in {field.name for field in dataclasses.fields(record)}:
+        return name
+    return pkgutil.resolve_name(f"roughvol.{source}")
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +65,7 @@ def test_every_row_names_what_exists() -> None:
 
 def test_a_name_that_does_not_exist_is_found() -> None:
     for source in ("surfaces.texture.Sxx", "surfaces.nothing.Sq", "nothing", "surfaces.surface.Surface.nothing"):
-        with pytest.raises((AttributeError, StopIteration)):
+        with pytest.raises((AttributeError, ImportError)):
             _resolved(source)
 
 

@@ -12,14 +12,13 @@ from roughvol.campaign.case_surface import surface_of
 from roughvol.campaign.one_case import run_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Contact, solve
-from roughvol.contact.search import first_indentation, indentation_for
-from roughvol.errors import ContactError, StudyError
+from roughvol.contact.search import first_indentation
 from roughvol.gap import clusters, transport
 from roughvol.observables import levels, requests
 from roughvol.observables.variables import AXES, VARIABLES
 from roughvol.store.dataset import Dataset
 from roughvol.study import Case, Level, Record, loads
-from tests.observables.kit import SURFACE, case_of, states_of
+from tests.observables.kit import case_of, states_of
 
 ALL = """
 sweep: {steps: 8, to: percolation}
@@ -82,15 +81,9 @@ def test_a_quantity_is_computed_at_its_states_and_nowhere_else(result: Dataset, 
     }
     for name, steps in asked.items():
         assert set(np.nonzero(result[name].notnull().values)[0]) == steps
-    assert_allclose(
-        result.transmissivity.sel(axis="x")[4], transport.conduction(states[4].gap(), 0).coefficient, rtol=1e-9
-    )
     assert float(result.transmissivity_conservation_error.max()) < 1e-10
-    assert_allclose(
-        result.flux.sel(axis="x").squeeze("flux_at"),
-        np.hypot(*transport.conduction(states[4].gap(), 0).flux),
-        rtol=1e-8,
-    )
+    flux = np.hypot(*transport.conduction(states[4].gap(), 0).flux)
+    assert_allclose(result.flux.sel(axis="x").squeeze("flux_at"), flux, rtol=1e-8)
 
 
 def test_every_stored_name_is_described(result: Dataset) -> None:
@@ -98,13 +91,6 @@ def test_every_stored_name_is_described(result: Dataset) -> None:
 
 
 # Sweeps to the end of percolation
-
-
-def test_the_search_agrees_with_that_for_a_contact_area() -> None:
-    surface = surface_of(case_of(""))
-    half_space = HalfSpace(surface.shape)
-    found = first_indentation(surface, half_space, lambda state: state.contact_area_fraction >= 0.2, accuracy=1e-6)
-    assert found == pytest.approx(indentation_for(surface, half_space, "contact_area", 0.2), rel=1e-5)
 
 
 @pytest.mark.parametrize("axes", ["x", "y", "both"])
@@ -124,24 +110,9 @@ def test_a_sweep_to_percolation_ends_where_the_void_closes(axes: str) -> None:
     assert float(run_case(case).indentation.max()) == end
 
 
-def test_percolation_along_both_ends_with_the_later_of_the_two() -> None:
-    ends = {axes: _end(axes) for axes in ("x", "y", "both")}
-    assert ends["both"] == pytest.approx(max(ends["x"], ends["y"]), rel=2e-4)
-
-
-def _end(axes: str) -> float:
-    return float(run_case(case_of(f"sweep: {{steps: 1, to: {{percolation: {axes}}}}}")).indentation.max())
-
-
 def test_the_word_percolation_means_both(case: Case) -> None:
     assert case.sweep.target == Level("percolation-both")
     assert case.id == case_of(ALL.replace("to: percolation", "to: {percolation: both}")).id
-
-
-def test_a_search_for_what_never_happens_ends_at_full_contact() -> None:
-    surface = surface_of(case_of(""))
-    with pytest.raises(ContactError, match="full contact"):
-        first_indentation(surface, HalfSpace(surface.shape), lambda _: False)
 
 
 def test_gaps_close_on_the_way(result: Dataset) -> None:
@@ -151,26 +122,6 @@ def test_gaps_close_on_the_way(result: Dataset) -> None:
 
 
 # The study file
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("record: {transport: {}}", "record.transport: must name at least one of"),
-        ("record: {transport: {percolaton: last}}", "did you mean 'percolation'"),
-        ("record: {transport: {percolation: always}}", "'every-step', 'last'"),
-        ("record: {transport: {diffusivity: {step: 70}}}", "70 is not reached"),
-        ("record: {region: centre}", "must be the word 'interior'"),
-        ("record: {region: {x: [0.7, 0.2]}}", "must rise"),
-        ("record: {region: {x: [0.2, 1.5]}}", "must be <= 1"),
-        ("record: {region: {y: 0.5}}", "two numbers"),
-        ("sweep: {to: {percolation: z}}", "must be 'x', 'y' or 'both'"),
-        ("sweep: {steps: 0}\nrecord: {transport: {percolation: last}}", "sweep.steps is 0"),
-    ],
-)
-def test_what_cannot_be_meant_is_refused(text: str, words: str) -> None:
-    with pytest.raises(StudyError, match=words):
-        loads(SURFACE + text)
 
 
 def test_what_is_recorded_changes_the_id() -> None:
