@@ -17,7 +17,7 @@ from roughvol.errors import DatasetError
 
 STUDY: dict[str, Any] = {
     "surface": {"D": [2.2, 2.6], "m": [4, 5], "seeds": 2, "L": "100 um"},
-    "material": {"E": "10 MPa", "nu": 0.5},
+    "material": {"E": ["10 MPa", "20 MPa"], "nu": 0.5},
     "sweep": {"steps": 6, "to": "mean-plane"},
 }
 
