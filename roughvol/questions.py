@@ -64,9 +64,11 @@ def opened(run: Dataset | StoredRun | str | Path | None, changes: Changes = ()) 
         return StoredRun.open(run, changes_of(changes))
     if isinstance(run, StoredRun):
         return run
+    from roughvol.analysis.stored_run import Run
     from roughvol.report.figures import origin
 
-    return StoredRun(Path(f"{origin.run_name(run) or 'dataset'}.nc"), whole(run))
+    name = origin.run_name(run) or "dataset"
+    return StoredRun(Path(f"{name}.nc"), Run.of(name, whole(run)).dataset)
 
 
 def study_of(study: Study | Mapping[str, Any] | str | Path, changes: Changes = ()) -> tuple[Study, Path]:

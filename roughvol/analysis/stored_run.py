@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from xarray import Dataset
 
-from roughvol.errors import StudyError
+from roughvol.errors import DatasetError, StudyError
 from roughvol.store.variants import parts_of
 from roughvol.study import GeneratedSurface, SpectralSurface, Study, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
@@ -26,11 +26,14 @@ class Run:
 
     @classmethod
     def of(cls, name: str, dataset: Dataset) -> Run:
-        """Return the run of a dataset as `dataset.read` gives it."""
+        """Return the run of a dataset as `dataset.read` gives it; a `DatasetError` without the labels of its lists."""
         try:
-            return cls(name, dataset, loads(dataset.attrs.get("study", ""), file=name, stored=True))
+            study: Study = loads(dataset.attrs.get("study", ""), file=name, stored=True)
         except StudyError:  # of a version that wrote other studies: the numbers still are
             return cls(name, dataset)
+        if lost := [axis.name for axis in study.axes if axis.name not in dataset.coords]:
+            raise DatasetError(f"{name} has lost its label of {lost[0]}; allowed: a choice without drop=True")
+        return cls(name, dataset, study)
 
     @property
     def parts(self) -> list[Run]:

@@ -57,7 +57,13 @@ def whole(results: Dataset) -> Dataset:
             one = np.atleast_1d(results[name].values)[0]
             kept = "both axes" if name == "axis" else f"the dimension kept, as .sel(step=[{one}])"
             raise DatasetError(f"the dataset has {name} {one} alone; allowed: {kept}")
-    return results.expand_dims(chosen(results))
+    full = results.expand_dims(chosen(results))
+    if "mean_pressure" in full and "step" in full.dims:
+        surfaces = next((full.sizes[name] for name in ("case", "seed") if name in full.dims), 0)
+        lacks = "surface" if not surfaces else "Sq" if "Sq" not in full else ""
+        if lacks:
+            raise DatasetError(f"the dataset has no {lacks}; allowed: surfaces with their labels and variables")
+    return full
 
 
 class Part(NamedTuple):

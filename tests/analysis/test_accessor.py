@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -117,3 +118,21 @@ def test_a_question_on_one_step_or_one_axis_is_refused(swept: Dataset) -> None:
         ):
             with pytest.raises(DatasetError, match=word):
                 ask(chosen)
+
+
+@pytest.mark.parametrize(
+    ("choose", "word"),
+    [
+        (lambda ds: ds.sel(E=20.0, drop=True), "lost its label of E"),
+        (lambda ds: ds.isel(seed=0, drop=True), "has no surface"),
+        (lambda ds: ds.isel(seed=[]), "has no surface"),
+        (lambda ds: ds[["mean_pressure"]], "has no Sq"),
+    ],
+    ids=["list", "seed", "none", "variable"],
+)
+def test_a_choice_without_what_a_question_needs_is_refused(
+    swept: Dataset, choose: Callable[[Dataset], Dataset], word: str
+) -> None:
+    for question in (lambda ds: ds.roughvol.at("last"), roughvol.show, lambda ds: roughvol.plot(ds, "v_of_p")):
+        with pytest.raises(DatasetError, match=word):
+            question(choose(swept))

@@ -20,7 +20,7 @@ from roughvol.analysis.leak import counted, is_lifted
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import DatasetError
-from roughvol.report.figures import ways
+from roughvol.report.figures import content, ways
 from roughvol.report.figures.families import Family
 from roughvol.store import dataset
 from roughvol.study import Level, loads, parse
@@ -176,6 +176,8 @@ def test_a_figure_shows_the_leak_at_every_state_under_fluid_pressure(x: str) -> 
     stored = ds.isel(seed=[1])
     (way,) = ways.ways(Family("", 0.0, {}, stored), x, "leak_rate", "y")
     states = [at(_run("lift"), stored, parse(level)).data for level in ("pressure=0.03 MPa", "pressure=0.05 MPa")]
+    between_steps = stored.drop_sel(step=stored["step"].values[-1:])  # no step has the load of a state
+    assert content.missing("leak_of_p", [content.Named("lift", between_steps.expand_dims(("D", "m")))]) is None
     assert_allclose(way.load, [float(state[x][0]) for state in states], rtol=1e-12)
     assert_allclose(way.value, [float(state["leak_rate"].sel(axis="y")[0]) for state in states], rtol=0.0)
 

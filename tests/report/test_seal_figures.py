@@ -19,7 +19,18 @@ from roughvol.campaign.one_case import run_case
 from roughvol.errors import DatasetError
 from roughvol.report.figures.families import Family
 from roughvol.report.figures.registry import FIGURES as ALL
-from roughvol.report.figures.ways import Way, band_words, centre_and_band, draw_flow, flow, grid, is_open, sample, way
+from roughvol.report.figures.ways import (
+    Way,
+    band_words,
+    centre_and_band,
+    draw_flow,
+    flow,
+    grid,
+    is_computed,
+    is_open,
+    sample,
+    way,
+)
 from roughvol.reproduction.figures import registry as paper
 from roughvol.store import dataset, dimensional
 from roughvol.store.dataset import Dataset
@@ -404,3 +415,8 @@ def test_a_median_is_drawn_up_to_the_last_step_and_led_to_a_solved_closing_load(
     assert np.isfinite(np.asarray(drawn.get_ydata(), dtype=float)).all()
     assert lead.get_linestyle() == ":"
     assert np.asarray(mark.get_xdata()).tolist() == [6.0]
+
+
+def test_over_a_falling_quantity_every_state_is_computed() -> None:
+    members = [Way(np.array([3.0, 2.0]), np.array([4.0, 1.0]), closed, closed) for closed in (1.5, 0.5)]
+    assert is_computed(members, np.linspace(3.0, 0.1, 30)).all()

@@ -26,7 +26,7 @@ from xarray import Dataset
 
 from roughvol.analysis import average
 from roughvol.analysis.derived import derived
-from roughvol.analysis.leak import LIFTED, fluid_of
+from roughvol.analysis.leak import LIFTED, fluid_of, is_lifted
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
@@ -80,10 +80,16 @@ def missing(name: str, runs: Sequence[Named]) -> str | None:
     """Return why a figure cannot be drawn from runs, None if it can."""
     for run in runs:
         for key in name.rsplit("_of_", 1):
-            reasons = [lacking(name, run.ready, (variable,)) for variable in VARIABLES_OF.get(key, [key])]
+            known = [_stored(run.ready, variable) for variable in VARIABLES_OF.get(key, [key])]
+            reasons = [lacking(name, run.ready, (variable,)) for variable in known]
             if all(reasons):
                 return f"{run.name}: {reasons[-1]}"
     return None
+
+
+def _stored(ds: Dataset, name: str) -> str:
+    """Return the variable that holds a flow: under fluid pressure that of its recorded states."""
+    return LIFTED.get(name, name) if is_lifted(ds) else name
 
 
 def own_names(runs: Iterable[Named]) -> list[str]:
@@ -228,15 +234,15 @@ def _label(name: str, runs: Sequence[Named]) -> str:
 def _families(runs: Sequence[Named], x: str, y: str) -> tuple[list[Family], str]:
     """Return the families of all runs, named by run, and what they share."""
     if len(runs) == 1 and runs[0].dataset.sizes.get("case", 0) <= MANY:
-        return every_family(runs[0].dataset, x, y)
+        return every_family(runs[0].dataset, x, _stored(runs[0].dataset, y))
     found: list[Family] = []
     for run in runs:
         if run.dataset.sizes.get("case", 0) > MANY:
-            held_by = held(run.dataset, x, y).values
+            held_by = held(run.dataset, x, _stored(run.dataset, y)).values
             members = run.dataset.isel(case=np.flatnonzero(held_by)).rename(case="seed")
             found.append(Family(file_text(run.name), 0.0, {}, members))
             continue
-        some, title = every_family(run.dataset, x, y)
+        some, title = every_family(run.dataset, x, _stored(run.dataset, y))
         for family in some:
             words = ", ".join(filter(None, [family.label, title])) if len(some) > 1 else ""
             found.append(family._replace(label=": ".join(filter(None, [file_text(run.name), words]))))

@@ -159,8 +159,9 @@ def sample(members: Sequence[Way], at: Array, *, hold: bool = False, beyond: flo
 
 def is_computed(members: Sequence[Way], at: Array) -> Mask:
     """Return where no way lies between its last state and a solved closing load beyond it, shape (points,)."""
-    ends, closed = np.transpose([[member.ends, member.closed] for member in members])[:, :, np.newaxis]
-    computed: Mask = ~((at > ends) & (at < closed)).any(axis=0)
+    sign = -1.0 if falls(members) else 1.0
+    ends, closed = sign * np.transpose([[member.ends, member.closed] for member in members])[:, :, np.newaxis]
+    computed: Mask = ~((sign * at > ends) & (sign * at < closed)).any(axis=0)
     return computed
 
 
