@@ -610,7 +610,7 @@ def test_a_broken_netcdf_file_of_heights_is_an_error_even_if_the_library_crashes
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("roughvol.campaign.checks.read_surface", die)
             patch.setenv("PYTHONPATH", str(Path(__file__).parent))
-            with pytest.raises(DatasetError, match=r"z\.nc: .*crashes on it"):
+            with pytest.raises(StudyError, match=r"surface\.file: .*z\.nc: .*crashes on it"):
                 checks.check_surfaces(study)
     else:
         with pytest.raises(RoughvolError, match=r"z\.nc"):
