@@ -11,7 +11,7 @@ Room of the analysis. It reads datasets, solves no contact, and draws nothing.
 `average`      the one number of several surfaces: convention, range, counts
 `closing`      the loads between which the last way closes
 `legs`         legs of a path in a dataset
-`units`        several runs in the units of the first
+`units`        Sq in the unit of L, starred numbers, several runs in the units of the first
 `hysteresis`   leak up and down a path, and with yield against without
 `leak_curve`   the leak of a surface over the load, read between steps with its error
 `read_off`     pressure, modulus or Sq at which a leak falls to a value, or a joint closes

@@ -1,16 +1,15 @@
 """The states of stored surfaces at a load, on a step or between two steps.
 
-A later leg begins at the last step of the leg before.
-Between two steps, a number lies on the straight line over the quantity of the level; a leak rate, a flow or an opening
-on the straight line of its logarithm. A way that closes between two steps is open up to the second step, and its flow
-lies on the straight line to 0 there. Where a study has its closing load solved, the way is open up to this load, and
-its flow lies on the straight line over p* to 0 there. Counts are those of the step beyond. A state that a study records
-is the state solved for it; before the first step it has the numbers recorded for it alone.
+A later leg begins at the last step of the leg before. Between two steps, a number lies on the straight line over the
+quantity of the level; a leak rate, a flow or an opening on the straight line of its logarithm. A way that closes
+between two steps is open up to the second step, and its flow lies on the straight line to 0 there. Where a study has
+its closing load solved, the way is open up to this load, and its flow lies on the straight line over p* to 0 there.
+Counts are those of the step beyond. A state that a study records is the state solved for it; before the first step it
+has the numbers recorded for it alone.
 
 A step that misses a level by less than `level.REACHED` is the level. A sweep that ended at a target has reached this
-target, and a listed load is the step solved for it.
-A surface whose sweep ended before a higher load is closed there if its last state is closed: its flow is 0, and its
-other numbers are missing. A level that no surface reaches is an error.
+target, and a listed load is the step solved for it. A surface whose sweep ended before a higher load is closed there if
+its last state is closed: its flow is 0, and its other numbers are missing. A level that no surface reaches is an error.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ from roughvol.analysis.closing import SOLVED
 from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
-from roughvol.analysis.units import sigma
+from roughvol.analysis.units import scales
 from roughvol.errors import DatasetError
 from roughvol.observables.variables import AXES, OF_STATE, STATES, VARIABLES
 from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, Study, convert
@@ -55,22 +54,6 @@ RULE = (
     "closes between two steps leaks along a straight line to 0 at the second, or at its closing load if it is solved."
 )
 LAST = Level("last")
-
-
-def scales(run: Run, surfaces: Dataset) -> list[Scale]:
-    """Return what turns numbers with units into starred ones, for each surface along ``seed``."""
-    ds, material = run.dataset, run.study.material if run.study else None
-    L, unit = float(ds["L"]), ds.attrs.get("length_unit")
-    modulus, modulus_unit = (material.contact_modulus, material.unit) if material else (math.nan, None)
-    sizes = sigma(surfaces).values.tolist()
-    nodes = [surfaces[name].values for name in ("nodes_x", "nodes_y") if name in surfaces]
-    periodic = "periodic" in ds.attrs
-    if len(nodes) < 2 and "m" in surfaces.coords:
-        nodes = [np.full(len(sizes), 2.0 ** float(surfaces["m"]) + (not periodic))] * 2
-    areas = [math.nan] * len(sizes)
-    if len(nodes) == 2:
-        areas = (nodes[0] * nodes[1] * (L / (nodes[0] - (not periodic))) ** 2).tolist()
-    return [Scale(modulus, L, Sq, area, modulus_unit, unit) for Sq, area in zip(sizes, areas, strict=True)]
 
 
 def check_load(study: Study | None, level: Level) -> None:
@@ -253,31 +236,38 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     return State(label, with_leaks(run.study, group, data), group.sizes["seed"], len(beyond), _label(level, leg), apart)
 
 
+def _around(group: Dataset, name: str, reached: list[int], places: list[float]) -> tuple[Array, Array]:
+    """Return a number of surfaces at the steps around places, the surfaces along the first axis."""
+    steps = group[name].transpose("seed", "step", ...).values
+    low, high = (steps[reached, of(places).astype(int)] for of in (np.floor, np.ceil))
+    return low, high
+
+
 def _apart(group: Dataset, reached: list[int], places: list[float]) -> float:
     """Return the largest factor between the open flows of the steps around places."""
-    ends = [between(group, reached, of(places).tolist()) for of in (np.floor, np.ceil)]
-    names = [name for name in ("leak_rate", "gas_leak_rate", "transmissivity", "gas_transmissivity") if name in ends[0]]
-    steps = [np.stack([end[name].values for name in names]) if names else np.ones(0) for end in ends]
-    both = (steps[0] > 0.0) & (steps[1] > 0.0)
-    return float(np.exp(np.abs(np.log(steps[1][both] / steps[0][both])).max(initial=0.0)))
+    logs = [0.0]
+    for name in leak.FLOWS:
+        if name in group and "step" in group[name].dims:
+            before, after = _around(group, name, reached, places)
+            open_ = (before > 0.0) & (after > 0.0)
+            logs.append(float(np.abs(np.log(after[open_] / before[open_])).max(initial=0.0)))
+    return math.exp(max(logs))
 
 
 def _close_where_solved(
     data: Dataset, group: Dataset, reached: list[int], places: list[float], own: Mapping[str, Array]
 ) -> None:
     """Let ways that close between two steps leak along a straight line over p* to 0 at their solved closing load."""
-    count, rows, low = len(reached), np.array(reached, dtype=int), np.floor(places).astype(int)
-    high = np.ceil(places).astype(int)
+    count = len(reached)
     load = data[P].values[:count]
     if P in own:
-        load = np.where(np.isfinite(own[P][rows]), own[P][rows], load)
-    closes = group[SOLVED].transpose("seed", "axis").values[rows]
-    ends = [group[P].transpose("seed", "step").values[rows, end][:, None] for end in (low, high)]
+        load = np.where(np.isfinite(own[P][reached]), own[P][reached], load)
+    closes = group[SOLVED].transpose("seed", "axis").values[reached]
+    ends = [end[:, np.newaxis] for end in _around(group, P, reached, places)]
     for name in leak.zero_beyond(data):
         if name not in data or "step" not in group[name].dims:
             continue
-        steps = group[name].transpose("seed", "step", "axis").values
-        before, after = steps[rows, low], steps[rows, high]
+        before, after = _around(group, name, reached, places)
         with np.errstate(invalid="ignore"):
             share = np.clip((closes - load[:, None]) / (closes - np.where(before > 0.0, *ends)), 0.0, 1.0)
         last = np.maximum(before, after)  # of the open end

@@ -24,13 +24,13 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis import closing, leak, leak_curve
-from roughvol.analysis.at import check_load, legs_of, scales
+from roughvol.analysis.at import check_load, legs_of
 from roughvol.analysis.closing import Span
 from roughvol.analysis.derived import derived
 from roughvol.analysis.leak_card import Card, Part
 from roughvol.analysis.leak_curve import Curve, LoadReading, axes, closings, curves, surfaces
 from roughvol.analysis.stored_run import Run
-from roughvol.analysis.units import sigma
+from roughvol.analysis.units import scales, sigma
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.variables import LISTED
 from roughvol.study import Axis, Level, Quantity, Study, convert, loads, read

@@ -1,12 +1,15 @@
-"""Datasets of several runs in the units of the first that has each variable, as MPa beside kPa."""
+"""Units of datasets: Sq in that of L, what makes numbers starred, and several runs in the units of the first."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import MutableMapping
 
+import numpy as np
 from xarray import DataArray, Dataset
 
-from roughvol.study import convert
+from roughvol.analysis.stored_run import Run
+from roughvol.study import Scale, convert
 from roughvol.study.sections.fluid import throughput
 
 PLAIN = ("", "1")  # units of pure numbers
@@ -17,6 +20,22 @@ def sigma(ds: Dataset) -> DataArray:
     Sq, unit = ds["Sq"], str(ds.attrs.get("length_unit", ""))
     own = str(Sq.attrs.get("units", unit))
     return Sq if own == unit or not unit else Sq * convert(1.0, own, unit)
+
+
+def scales(run: Run, surfaces: Dataset) -> list[Scale]:
+    """Return what turns numbers with units into starred ones, for each surface along ``seed``."""
+    ds, material = run.dataset, run.study.material if run.study else None
+    L, unit = float(ds["L"]), ds.attrs.get("length_unit")
+    modulus, modulus_unit = (material.contact_modulus, material.unit) if material else (math.nan, None)
+    sizes = sigma(surfaces).values.tolist()
+    nodes = [surfaces[name].values for name in ("nodes_x", "nodes_y") if name in surfaces]
+    periodic = "periodic" in ds.attrs
+    if len(nodes) < 2 and "m" in surfaces.coords:
+        nodes = [np.full(len(sizes), 2.0 ** float(surfaces["m"]) + (not periodic))] * 2
+    areas = [math.nan] * len(sizes)
+    if len(nodes) == 2:
+        areas = (nodes[0] * nodes[1] * (L / (nodes[0] - (not periodic))) ** 2).tolist()
+    return [Scale(modulus, L, Sq, area, modulus_unit, unit) for Sq, area in zip(sizes, areas, strict=True)]
 
 
 def in_units(ds: Dataset, units: MutableMapping[str, str]) -> Dataset:

@@ -519,7 +519,7 @@ def test_a_period_goes_with_every_other_feature(name: str, request: pytest.Fixtu
 
 
 def test_a_sweep_without_legs_is_refused() -> None:
-    with pytest.raises(StudyError, match=r"sweep: .* at least 1 item"):
+    with pytest.raises(StudyError, match=r"sweep: .* at least 1"):
         loads(PLAIN + "sweep: []\n")
 
 

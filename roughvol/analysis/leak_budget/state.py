@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from xarray import Dataset
 
-from roughvol.analysis.at import at, legs_of, scales
+from roughvol.analysis.at import at, legs_of
 from roughvol.analysis.average import Average, average
 from roughvol.analysis.closing import load_of, spans
 from roughvol.analysis.derived import derived, groups
@@ -18,6 +18,7 @@ from roughvol.analysis.leak import STATE, is_lifted
 from roughvol.analysis.leak_card import Closing, Part
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
+from roughvol.analysis.units import scales
 from roughvol.errors import DatasetError
 from roughvol.gap.transport import conduction
 from roughvol.observables.variables import AXES
