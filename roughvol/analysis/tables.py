@@ -43,8 +43,12 @@ def spread(ds: Dataset) -> Dataset:
 
 
 def number(value: float, digits: int = 4) -> str:
-    """Return a number in four digits, as 0.06103 or 2.2e-5; a dash where there is none."""
-    return f"{value:.{digits}g}".replace("e-0", "e-").replace("e+0", "e") if math.isfinite(value) else "–"
+    """Return a number in four digits, as 0.06103 or 2.2e-5, in two 450; a dash where there is none."""
+    if not math.isfinite(value):
+        return "–"
+    text = f"{value:.{digits}g}"
+    plain = f"{float(text):g}" if 1.0 <= abs(value) < 1e4 else text
+    return plain.replace("e-0", "e-").replace("e+0", "e")
 
 
 def rounded(value: float, low: float, high: float) -> str:

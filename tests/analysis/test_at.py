@@ -19,6 +19,7 @@ from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.leak import counted, is_lifted
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.stored_run import Run
+from roughvol.analysis.tables import number
 from roughvol.errors import DatasetError
 from roughvol.report.figures import content, ways
 from roughvol.report.figures.families import Family
@@ -276,3 +277,11 @@ def test_elastic_contact_opens_at_the_load_at_which_it_closes(tmp_path: Path) ->
     for load in (0.5 * float(closes.min()), float(closes.median()), float(closes.max())):
         up, down = (ds.roughvol.at(pressure=f"{load:.9g} MPa", leg=leg) for leg in (1, 2))
         assert_allclose(up.open, down.open)
+
+
+@pytest.mark.parametrize(
+    ("value", "digits", "text"),
+    [(450.0, 2, "450"), (9996.0, 2, "10000"), (4.5e5, 2, "4.5e5"), (0.0123, 2, "0.012"), (1234.5, 4, "1234")],
+)
+def test_few_digits_need_no_power(value: float, digits: int, text: str) -> None:
+    assert number(value, digits) == text

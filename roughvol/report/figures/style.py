@@ -42,7 +42,7 @@ PER_INCH = 24  # characters in a line of a note
 RAISED = {"2": "²", "3": "³"}  # the font has no others, nor a raised minus
 WIDE = 62  # characters of a legend, lines included, that fit over a column
 MANY = 30  # computed states of a curve, beyond which only some have a marker
-SHORT = 2.0  # ratio of the ends of a logarithmic axis up to which its numbers are equally far apart
+SHORT = 4.0  # ratio of the ends of a logarithmic axis up to which its numbers are equally far apart
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
 
 
@@ -191,10 +191,18 @@ def density_label(ds: Dataset) -> str:
     return f"probability density $f(v)$ [{inverse}]"
 
 
+class _Plain(LogLocator):
+    """Places of numbers on a logarithmic axis: multiples of each power of ten, or few at equal distances."""
+
+    def tick_values(self, vmin: float, vmax: float) -> Any:
+        if vmax > SHORT * vmin:
+            return super().tick_values(vmin, vmax)
+        return MaxNLocator(4).tick_values(vmin, vmax)
+
+
 def plain_ticks(axis: Any, steps: Sequence[float]) -> None:
     """Label a logarithmic axis with plain numbers: these multiples of each power of ten, or few on a short axis."""
-    low, high = axis.get_view_interval()
-    axis.set_major_locator(LogLocator(subs=steps) if high > SHORT * low else MaxNLocator(4))
+    axis.set_major_locator(_Plain(subs=steps))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
 
