@@ -279,6 +279,14 @@ def test_elastic_contact_opens_at_the_load_at_which_it_closes(tmp_path: Path) ->
         assert_allclose(up.open, down.open)
 
 
+def test_a_listed_load_of_a_later_leg_is_the_step_solved_for_it(tmp_path: Path) -> None:
+    legs = "[{pressures: [0.02 MPa, 0.08 MPa]}, {pressures: [0.05 MPa, 0.03 MPa]}]"
+    ds = roughvol.run(loads(SEAL.replace("{steps: 10, to: percolation}", legs)), out=tmp_path / "seal", jobs=1)
+    for step, load in ((2, "0.05 MPa"), (3, "0.03 MPa")):
+        found = ds.roughvol.at(pressure=load, leg=2)
+        assert_allclose(found["leak_rate"], ds["leak_rate"].isel(step=step), rtol=0.0)
+
+
 @pytest.mark.parametrize(
     ("value", "digits", "text"),
     [(450.0, 2, "450"), (9996.0, 2, "10000"), (4.5e5, 2, "4.5e5"), (0.0123, 2, "0.012"), (1234.5, 4, "1234")],

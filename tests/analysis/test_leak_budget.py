@@ -530,7 +530,9 @@ def test_the_part_of_the_solver_under_fluid_pressure_holds_an_exact_one(
     truth = execution.run(exact, jobs=1, out=tmp_path)
     for axis, way in zip("xy", card_of([lifted], "lift", "").ways, strict=True):
         off = abs(math.log(truth["fluid_leak_rate"].sel(axis=axis).item() / way.leak.value))
-        assert off <= math.log(part_of(way, "solver").factor)
+        part = part_of(way, "solver")
+        assert part.words.endswith("; flows to 1e-03")
+        assert off <= math.log(part.factor / 1.001)  # a small grid is factorised: its flow has no error
 
 
 def test_a_fluid_pressure_without_units_keeps_its_nominal_value_on_other_grids(tmp_path: Path) -> None:

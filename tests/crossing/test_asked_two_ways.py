@@ -140,3 +140,17 @@ def test_runs_are_compared_at_one_load_whatever_unit_their_lengths_have(level: s
             for name in ("free_volume", "leak_rate_x", "nominal_pressure"):
                 expected = alone.sel(axis="x")[name.removesuffix("_x")].item()
                 assert row[name] == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_number_without_a_common_unit_is_left_out_of_a_comparison(tmp_path: Path) -> None:
+    plain = SURFACE.replace("L: 100 um, Sq: 0.7 um", "L: 100.0") + "sweep: {steps: 4, to: {pressure: 2}}\n"
+    runs = [
+        run(f"name: {name}\n{text}", tmp_path / name)
+        for name, text in (("plain", plain), ("units", SURFACE + RUBBER + "sweep: {steps: 4, to: {pressure: 2}}\n"))
+    ]
+    found = roughvol.compare(runs, "p=1")
+    names, (one, other), units = found.records()
+    assert "mean_gap" not in units
+    volume = names.index("free_volume")
+    assert one[volume] == pytest.approx(other[volume], rel=1e-6)
+    assert "mean_gap is left out: its units are length and um." in found.table().note
