@@ -59,11 +59,11 @@ def with_causes(error: BaseException | None) -> list[BaseException]:
 
 def is_lack_of_memory(error: BaseException | None) -> bool:
     """Return whether an error or one of its causes is a lack of memory."""
-    for one in with_causes(error):
-        text = str(one).lower()
-        if isinstance(one, MemoryError) or (isinstance(one, OSError) and one.errno == errno.ENOMEM):
+    for cause in with_causes(error):
+        text = str(cause).lower()
+        if isinstance(cause, MemoryError) or (isinstance(cause, OSError) and cause.errno == errno.ENOMEM):
             return True
-        if isinstance(one, ImportError | OSError | RuntimeError) and any(part in text for part in _MESSAGES):
+        if isinstance(cause, ImportError | OSError | RuntimeError) and any(part in text for part in _MESSAGES):
             return True
     return False
 

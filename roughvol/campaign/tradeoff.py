@@ -223,17 +223,17 @@ def _density_error(run: _Run, reference: _Run) -> float:
     upper = float(max(run.gap.max(), reference.gap.max()))
     if not min(run.gap.max(), reference.gap.max()) > 0.0:
         return float("nan")
-    one, other = (free_volume.volume_density(each.gap, each.contact, BINS, upper=upper) for each in (run, reference))
-    return float(np.abs(one.density - other.density) @ np.diff(one.edges))
+    found, exact = (free_volume.volume_density(each.gap, each.contact, BINS, upper=upper) for each in (run, reference))
+    return float(np.abs(found.density - exact.density) @ np.diff(found.edges))
 
 
 def _dimension_error(run: _Run, reference: _Run) -> float:
     """Return the largest difference of the local dimensions at equal box lengths; the largest boxes have length L."""
     worst = 0.0
     for share in THRESHOLDS:
-        one, other = _local_dimensions(run, share), _local_dimensions(reference, share)
-        common = min(one.size, other.size)
-        worst = max(worst, float(np.abs(one[:common] - other[:common]).max(initial=0.0)))
+        found, exact = _local_dimensions(run, share), _local_dimensions(reference, share)
+        common = min(found.size, exact.size)
+        worst = max(worst, float(np.abs(found[:common] - exact[:common]).max(initial=0.0)))
     return worst
 
 

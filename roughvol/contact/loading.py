@@ -272,20 +272,20 @@ class Trials:
             bound = min(bound, self.options.pressure_error * pressure / self.problem.stiffest)
         return bound
 
-    def line(self, one: Contact, other: Contact) -> Callable[[float, float], Contact]:
+    def line(self, first: Contact, second: Contact) -> Callable[[float, float], Contact]:
         """Return the straight line through two contacts, perhaps the same, as estimates of contacts, without a solve.
 
         The line is that of x = c q in contact and x = -w outside, see `search`. The callable maps Δ/σ and a margin,
         subtracted from every x, to a contact.
         """
         problem = self.problem
-        start = problem.depth(one)
+        start = problem.depth(first)
         rate = np.zeros_like(start)
-        if other.approach != one.approach:
-            rate = (problem.depth(other) - start) / (other.approach - one.approach)
+        if second.approach != first.approach:
+            rate = (problem.depth(second) - start) / (second.approach - first.approach)
 
         def at(indentation: float, margin: float) -> Contact:
-            x = start + (indentation - one.approach) * rate - margin
+            x = start + (indentation - first.approach) * rate - margin
             elements = np.flatnonzero(x > 0.0)
             gap = np.maximum(-x, TENSILE * max(1.0, indentation))
             pressure = problem.law.project(x[elements] / problem.firmness)

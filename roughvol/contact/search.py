@@ -244,19 +244,19 @@ def _bounds(trials: Trials, holds: Callable[..., bool], bracket: Bracket, fine: 
     """Return bounds of the root from straight lines, right to `fine` or to a share of their distance to the states."""
     share = trials.options.search.line_accuracy
 
-    def root(one: Contact, other: Contact, start: float, end: float, sign: float) -> tuple[float, float]:
-        line, distance = trials.line(one, other), other.approach - one.approach
-        rough = [max(0.0, state.residual - trials.tolerance(state.approach)) / distance for state in (one, other)]
+    def root(first: Contact, second: Contact, start: float, end: float, sign: float) -> tuple[float, float]:
+        line, distance = trials.line(first, second), second.approach - first.approach
+        rough = [max(0.0, state.residual - trials.tolerance(state.approach)) / distance for state in (first, second)]
         while end - start > max(fine, share * min(end - low, high - start)):
             middle = 0.5 * (start + end)
-            noise = rough[0] * abs(other.approach - middle) + rough[1] * abs(middle - one.approach)
+            noise = rough[0] * abs(second.approach - middle) + rough[1] * abs(middle - first.approach)
             start, end = (start, middle) if holds(line, middle, 2.0 * sign * noise) else (middle, end)
         return start, end
 
     low, high = bracket.short[0].approach, bracket.beyond[0].approach
     last = root(bracket.short[0], bracket.beyond[0], low, high, 1.0)[1]
     sides = [sorted(side, key=_indentation) for side in (bracket.short, bracket.beyond) if len(side) == 2]
-    return max([low, *(root(one, other, low, last, -1.0)[0] for one, other in sides)]), last
+    return max([low, *(root(first, second, low, last, -1.0)[0] for first, second in sides)]), last
 
 
 def _least_error(indentation: float, states: list[Contact], clear: float) -> tuple[Contact, Contact | None]:
@@ -265,12 +265,12 @@ def _least_error(indentation: float, states: list[Contact], clear: float) -> tup
         return states[0], None
 
     def error(pair: tuple[Contact, Contact]) -> float:
-        one, other = pair
-        noise = max(one.residual, other.residual) / abs(other.approach - one.approach)
+        earlier, later = pair
+        noise = max(earlier.residual, later.residual) / abs(later.approach - earlier.approach)
         return math.prod(abs(indentation - state.approach) for state in pair) * (1.0 + noise / clear)
 
-    one, other = min(itertools.combinations(states, 2), key=error)
-    return other, one
+    earlier, later = min(itertools.combinations(states, 2), key=error)
+    return later, earlier
 
 
 def state_crossing(trials: Trials, target: Target, start: Contact, end: Contact | None = None) -> Contact:
@@ -358,9 +358,9 @@ def _secant(pressure: float, near: list[Contact], bracket: Bracket) -> float:
     """Return the indentation on the line through the nearest two states, or between the bracket."""
     below, above = bracket.short[0], bracket.beyond[0] if bracket.beyond else None
     if len(near) > 1 and near[0].mean_pressure != near[1].mean_pressure:
-        one, other = near[:2]
-        rate = (other.approach - one.approach) / (other.mean_pressure - one.mean_pressure)
-        wanted = one.approach + rate * (pressure - one.mean_pressure)
+        nearest, next_nearest = near[:2]
+        rate = (next_nearest.approach - nearest.approach) / (next_nearest.mean_pressure - nearest.mean_pressure)
+        wanted = nearest.approach + rate * (pressure - nearest.mean_pressure)
         most = above.approach if above is not None else LOAD_GROWTH * near[0].approach + 1.0
         if below.approach < wanted < most:
             return wanted

@@ -152,11 +152,11 @@ def _iterated(
         root = slip + np.sqrt(slip**2 + 2.0 * s)
         return np.maximum(np.divide(2.0 * s, root, out=np.zeros_like(s), where=root > 0.0), VACUUM)
 
-    def between(g: Array, one: Array, other: Array) -> Array:
+    def between(g: Array, start: Array, end: Array) -> Array:
         """Return the mean of f over the pressures between two."""
         if law != "kinetic":
-            return 0.5 * g**3 * (one + other) + slip * g**2
-        high, low = np.maximum(one, other), np.minimum(one, other)
+            return 0.5 * g**3 * (start + end) + slip * g**2
+        high, low = np.maximum(start, end), np.minimum(start, end)
         far = (g > 0.0) & (high - low > NEAR * high)
         close = (g > 0.0) & ~far
         mean = np.zeros_like(g)

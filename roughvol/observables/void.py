@@ -95,9 +95,9 @@ def percolation(view: View) -> Values:
 def constriction(view: View) -> Values:
     """Return the critical gap along x and y, and its position over L, NaN if there is no way."""
     origin = np.array([side.start for side in window(view.case, view.surface.shape)])
-    elements = np.array([one.element or (np.nan, np.nan) for one in view.narrowest])
+    elements = np.array([constriction.element or (np.nan, np.nan) for constriction in view.narrowest])
     positions = (elements + origin) / view.surface.intervals[0]
-    return {"critical_gap": [one.gap for one in view.narrowest], "critical_position": positions}
+    return {"critical_gap": [constriction.gap for constriction in view.narrowest], "critical_position": positions}
 
 
 def transmissivity(view: View) -> Values:

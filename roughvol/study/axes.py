@@ -139,12 +139,12 @@ def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> tuple[tuple[Axis
     made: list[S] = []
     wrong: dict[Any, InitErrorDetails] = {}
     for places in itertools.product(*(range(len(values)) for values in items.values())):
-        one = data
+        combination = data
         for (name, values), place in zip(items.items(), places, strict=True):
             item = values[place]
-            one = _with(one, AXES[name], None if item == NONE and name in LABELS_OF_NONE else item)
+            combination = _with(combination, AXES[name], None if item == NONE and name in LABELS_OF_NONE else item)
         try:
-            made.append(read_one(one))
+            made.append(read_one(combination))
         except ValidationError as error:
             for fault in error.errors(include_url=False):
                 where = _indexed(fault["loc"], dict(zip(items, places, strict=True)))
@@ -213,9 +213,9 @@ def listable(schema: dict[str, Any]) -> dict[str, Any]:
 def _or_list(schema: dict[str, Any], *, optional: bool) -> dict[str, Any]:
     """Return the schema of a value or a list of values."""
     kept: dict[str, Any] = {key: schema[key] for key in ("description", "default", "title") if key in schema}
-    one = {key: value for key, value in schema.items() if key not in kept}
-    items = {"anyOf": [one, {"const": NONE}]} if optional else one
-    return {**kept, "anyOf": [one, {"type": "array", "items": items, "minItems": 1}]}
+    single = {key: value for key, value in schema.items() if key not in kept}
+    items = {"anyOf": [single, {"const": NONE}]} if optional else single
+    return {**kept, "anyOf": [single, {"type": "array", "items": items, "minItems": 1}]}
 
 
 def write_lists(data: dict[str, Any], of: Sequence[Axis], sections: Sequence[Mapping[str, Any]], context: Any) -> None:
@@ -223,7 +223,7 @@ def write_lists(data: dict[str, Any], of: Sequence[Axis], sections: Sequence[Map
     for axis, along in zip(of, _along(sections, [len(axis.labels) for axis in of]), strict=True):
         section, *key = AXES[axis.name]
         chosen = [changed[section] for changed in along]
-        items = [one.model_dump(mode="json", context=context) for one in chosen]
+        items = [model.model_dump(mode="json", context=context) for model in chosen]
         if key:
             data[section][key[0]] = [item.get(key[0]) for item in items]
         else:
@@ -234,10 +234,10 @@ def variants_of(study: S, of: Sequence[Axis], sections: Sequence[Mapping[str, An
     """Return the studies of all combinations; the study itself without lists."""
     made = []
     for labels, changed in zip(itertools.product(*(axis.labels for axis in of)), sections or ({},), strict=True):
-        one: Any = study
+        variant: Any = study
         if changed:
-            one = one.model_copy(update=dict(changed))
-            one._axes, one._sections = (), ()
+            variant = variant.model_copy(update=dict(changed))
+            variant._axes, variant._sections = (), ()
         words = ", ".join(map(Axis.words, of, labels))
-        made.append(Variant({axis.name: label for axis, label in zip(of, labels, strict=True)}, words, one))
+        made.append(Variant({axis.name: label for axis, label in zip(of, labels, strict=True)}, words, variant))
     return tuple(made)

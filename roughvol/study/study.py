@@ -124,16 +124,16 @@ class Study(StudyFile):
             product = itertools.product(surface.dimensions, levels, seeds)
             return tuple(made.of_seed(D, m, seed) for D, m, seed in product)
         found: list[Case] = []
-        for one in surface.each:
+        for scan in surface.each:
             with self.placing():
-                measured = resolve(one)
+                measured = resolve(scan)
                 unit = measured.length_unit
                 if unit is None:
-                    _need_length(self.sweep, self.record, str(one.file))
+                    _need_length(self.sweep, self.record, str(scan.file))
                 if found and (found[0].length_unit, found[0].L) != (unit, measured.L):
                     first = f"{found[0].L:.9g} {found[0].length_unit or ''}".strip()
                     own = f"{measured.L:.9g} {unit or ''}".strip()
-                    message = f"the files differ in L: {found[0].label} has {first}, {Path(one.file).name} has {own}"
+                    message = f"the files differ in L: {found[0].label} has {first}, {Path(scan.file).name} has {own}"
                     raise StudyError([Problem(message, "surface.files")])
                 made = case(kernel=self.kernel(unit), gas=self._gas(unit), **vars(measured))
             found.append(made)

@@ -52,9 +52,10 @@ def spectral(surface: Surface) -> Spectral:
     with np.errstate(invalid="ignore", divide="ignore"):
         density = moments[0][shown] / numbers[shown] * (rows * columns * spacing * spacing) * unit * unit
     below = [
-        unit * np.sqrt(np.cumsum(one)[shown] * share) for one, share in zip(moments, (1.0, 1.0, 0.25), strict=True)
+        unit * np.sqrt(np.cumsum(moment)[shown] * share)
+        for moment, share in zip(moments, (1.0, 1.0, 0.25), strict=True)
     ]
-    m0, m2, m4 = (float(one.sum()) for one in moments)
+    m0, m2, m4 = (float(moment.sum()) for moment in moments)
     return Spectral(
         wave=np.arange(1, last + 1, dtype=np.intp),
         psd=density,

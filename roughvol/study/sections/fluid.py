@@ -129,9 +129,14 @@ class Fluid(Strict):
         """Dynamic viscosity at the temperature [Pa s]."""
         if isinstance(self.gas, OwnGas):
             return in_unit(self.gas.viscosity, "Pa*s")
-        one = SUBSTANCES[self.gas]
-        ratio = self.kelvin / one.reference
-        return one.viscosity * ratio**1.5 * (one.reference + one.sutherland) / (self.kelvin + one.sutherland)
+        substance = SUBSTANCES[self.gas]
+        ratio = self.kelvin / substance.reference
+        return (
+            substance.viscosity
+            * ratio**1.5
+            * (substance.reference + substance.sutherland)
+            / (self.kelvin + substance.sutherland)
+        )
 
     @property
     def molar_mass(self) -> float:

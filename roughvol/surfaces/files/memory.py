@@ -69,9 +69,9 @@ def _of_data_array(heights: Any) -> tuple[Array, Text, Coordinates]:
     given = getattr(heights, "coords", {})
     along = {dim: given[dim] for dim in heights.dims if dim in given}  # xarray makes up the missing ones
     coordinates: Coordinates = {
-        _name(dim): (np.asarray(one.values, dtype=np.float64), _attributes(one.attrs))
-        for dim, one in along.items()
-        if one.dims == (dim,) and one.dtype.kind in "fiu"
+        _name(dim): (np.asarray(coordinate.values, dtype=np.float64), _attributes(coordinate.attrs))
+        for dim, coordinate in along.items()
+        if coordinate.dims == (dim,) and coordinate.dtype.kind in "fiu"
     }
     if len(coordinates) == 1 and min(array.shape) > 1:
         ((known, (values, attributes)),) = coordinates.items()
