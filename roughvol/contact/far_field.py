@@ -42,6 +42,7 @@ from roughvol.typing import Array, Index, Map, Shape, Sides, Single
 
 _AROUND = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))  # offsets to the blocks around a block, and itself
 _CENTRE = _AROUND.index((0, 0))
+_Images = Callable[[list[Single], int], Single]
 
 
 def by_blocks(near: Map, half_space: Compliance, elements: Index, t: NDArray[Any], tuning: Tuning = TUNING) -> Map:
@@ -122,6 +123,53 @@ def cut(nodes: int, side: int, sides: Sides) -> Cut:
     return Cut(blocks, sides == "periodic" and blocks >= 3, small[0], small[1], small[2], distance)
 
 
+@dataclass(frozen=True)
+class _Frames:
+    """Places of elements in the frames of their blocks, side × side places a block.
+
+    A block shorter than its frame lies at the start of the frame, or at the end where the block beside it comes next:
+    all frames beside each other are then one side apart. `end` is 2 for the end along rows, plus 1 for that along
+    columns. `ends` is 1 if no block is short.
+    """
+
+    side: int
+    rows: Cut
+    columns: Cut
+    row: NDArray[np.int32]
+    column: NDArray[np.int32]
+    of_element: NDArray[np.int32]
+
+    @cached_property
+    def ends(self) -> int:
+        return 4 if self.rows.spare.any() or self.columns.spare.any() else 1
+
+    @cached_property
+    def position(self) -> Index:
+        """Flat places of elements in frames whose blocks lie at the start."""
+        within = self.rows.within.take(self.row) * self.side + self.columns.within.take(self.column)
+        return self.of_element.astype(np.intp) * self.side**2 + within
+
+    def places(self, some: slice, end: int) -> Index:
+        """Return flat places of some elements in frames whose blocks lie at an end."""
+        if not end:
+            return self.position[some]
+        low, far = divmod(end, 2)
+        along_rows: NDArray[Any] = low * self.side * self.rows.spare.take(self.row[some])
+        return self.position[some] + along_rows + far * self.columns.spare.take(self.column[some])
+
+    def shapes(self, t: NDArray[Any], count: int) -> Single:
+        """Return t in the frames of blocks (count + 1, side²); the last frame is that of an absent block."""
+        shapes = np.zeros((count + 1, self.side**2), dtype=np.float32)
+        shapes.ravel()[self.position] = np.maximum(t, 1e-9 * t.max()) if t.any() else 1.0  # no block without force
+        return shapes
+
+    def moved(self, shape: Shape, share: Single, end: int) -> Single:
+        """Return shares of elements in frames whose blocks lie at an end."""
+        shapes = np.zeros(shape, dtype=np.float32)
+        shapes.ravel()[self.places(slice(None), end)] = share
+        return shapes
+
+
 class Tier:
     """Elements in blocks, and the operator Pᵀ K P between blocks; the elements may be the blocks of another tier.
 
@@ -131,81 +179,67 @@ class Tier:
     """
 
     def __init__(self, grid: Compliance | Tier, elements: Index, t: NDArray[Any], tuning: Tuning = TUNING) -> None:
-        side, influence = tuning.block_side, grid.influence
+        side = tuning.block_side
         self.sides: Sides = grid.sides
-        rows, columns = self.rows, self.columns = [cut(nodes, side, self.sides) for nodes in grid.shape]
-        self.shape: Shape = (rows.blocks, columns.blocks)
-        self.influence: Array = influence[np.ix_(rows.distance, columns.distance)]
+        self.rows, self.columns = (cut(nodes, side, self.sides) for nodes in grid.shape)
+        self.shape: Shape = (self.rows.blocks, self.columns.blocks)
+        self.influence: Array = grid.influence[np.ix_(self.rows.distance, self.columns.distance)]
         row, column = np.divmod(elements.astype(np.int32), np.int32(grid.shape[1]))
-        width = columns.blocks + 2
-        block_row = rows.block.take(row)
-        block = (block_row + 1) * width + columns.block.take(column) + 1
-        occupied = np.flatnonzero(np.bincount(block))
-        count = occupied.size
-        number = np.full((rows.blocks + 2) * width, count, dtype=np.int32)
-        number[occupied] = np.arange(count, dtype=np.int32)
-        numbers = number.reshape(-1, width)
-        if rows.closed:
-            numbers[0], numbers[-1] = numbers[-2], numbers[1]
-        if columns.closed:
-            numbers[:, 0], numbers[:, -1] = numbers[:, -2], numbers[:, 1]
-        images = _images(numbers, count, side) if self.sides == "mirrored" else None
-        x, y = np.divmod(occupied, width)
-        self.numbers: Index = (x - 1) * columns.blocks + y - 1
-        around = number[occupied[:, None] + np.array([i * width + j for i, j in _AROUND])]
-        self.neighbours: NDArray[np.int32] = np.minimum(around, count)
+        block_row, block_column = self.rows.block.take(row), self.columns.block.take(column)
+        block: NDArray[np.int32] = block_row * np.int32(self.columns.blocks) + block_column
+        self.numbers: Index = np.flatnonzero(np.bincount(block))
+        count = self.numbers.size
+        number = np.full(self.rows.blocks * self.columns.blocks, count, dtype=np.int32)
+        number[self.numbers] = np.arange(count, dtype=np.int32)
         of_element = number[block]
-        position = of_element.astype(np.intp) * side**2 + rows.within.take(row) * side + columns.within.take(column)
-        shapes = np.zeros((count + 1, side**2), dtype=np.float32)  # the last one: an absent block
-        shapes.ravel()[position] = np.maximum(t, 1e-9 * t.max()) if t.any() else 1.0  # no block without force
+        around, images = self._around(number.reshape(self.shape), side)
+        self.neighbours: NDArray[np.int32] = np.minimum(around, count)
+
+        frames = _Frames(side, self.rows, self.columns, row, column, of_element)
+        shapes = frames.shapes(t, count)
         self.mass: Single = shapes[:count].sum(axis=1)
         shapes[:count] /= self.mass[:, None]
-        share = shapes.ravel().take(position)
+        share = shapes.ravel().take(frames.position)
         start = np.arange(elements.size + 1, dtype=np.int32)
         self.spread = sparse.csr_array((share, of_element, start), shape=(elements.size, count))
 
-        # A block shorter than its frame lies at the start of the frame, or at the end where the block beside it comes
-        # next: all frames beside each other are then one side apart.
-        def places(some: slice, low: int, far: int) -> Index:
-            if not (low or far):
-                return position[some]
-            shift: Index = low * side * rows.spare.take(row[some]) + far * columns.spare.take(column[some])
-            return position[some] + shift
+        acting = [shapes, *(frames.moved(shapes.shape, share, end) for end in range(1, frames.ends))]
+        if images:
+            acting = [np.vstack((shapes, images(acting, end))) for end, shapes in enumerate(acting)]
+        pieces = _whole_rows(block_row, self.numbers // self.columns.blocks, tuning.cache // 64)  # in cache
+        data = _displacements(frames, acting, around, _near(grid, side, images=images is not None), pieces)
+        if images:
+            self._fold(data, block_row, block_column)
+        if isinstance(grid, Tier):
+            data += self._excess(grid, share, block_row, block_column)
+        self._set_moments(data, of_element, pieces)
 
-        ends = [(0, 0), (0, 1), (1, 0), (1, 1)] if rows.spare.any() or columns.spare.any() else [(0, 0)]
-        frames = [shapes]
-        for end in ends[1:]:
-            frames.append(np.zeros_like(shapes))
-            frames[-1].ravel()[places(slice(None), *end)] = share
+    def _around(self, number: NDArray[np.int32], side: int) -> tuple[NDArray[np.int32], _Images | None]:
+        """Return the numbers of the blocks around each block, (blocks, 9), and the shapes of images among them."""
+        absent = self.numbers.size
+        for axis, blocks in enumerate((self.rows, self.columns)):
+            ends = [(1, 1) if k == axis else (0, 0) for k in range(2)]
+            number = np.pad(number, ends, "wrap") if blocks.closed else np.pad(number, ends, constant_values=absent)
+        images = _images(number, absent, side) if self.sides == "mirrored" else None
+        row, column = np.divmod(self.numbers[:, None], self.columns.blocks)
+        down, right = np.transpose(_AROUND)
+        return number[row + 1 + down, column + 1 + right], images
 
-        if images:
-            frames = [np.vstack((frame, images(frames, end))) for end, frame in enumerate(frames)]
-        # Displacement of every element under a unit force on each of the blocks around. The last column is E.
-        given = influence[: 2 * side, : 2 * side]
-        if images:
-            given = influence[np.ix_(*(short_way(np.arange(2 * min(side, nodes)), nodes) for nodes in grid.shape))]
-        tables = _tables(given.tobytes(), given.shape[0], side)
-        pieces = _whole_rows(block_row, x - 1, tuning.cache // 64)  # in cache
-        data = np.empty((elements.size, len(_AROUND) + 1), dtype=np.float32)
-        data[:, -1] = 1.0
-        for some, blocks in pieces:
-            at = [places(some, *end) - blocks.start * side**2 for end in ends]
-            for j, (down, right) in enumerate(_AROUND):
-                acting = (2 * (down < 0) + (right < 0)) % len(ends)
-                moved = (2 * (down > 0) + (right > 0)) % len(ends)
-                field = frames[acting][around[blocks, j]] @ tables[j]
-                data[some, j] = field.ravel().take(at[moved])
-        if images:
-            self._fold(data, block_row, columns.block.take(column))
-        if isinstance(grid, Tier):  # the elements are blocks: blocks around them act with their exact coefficients
-            target, k = np.nonzero(grid.neighbours < elements.size)
-            source = grid.neighbours[target, k]
-            excess = (grid.near[target, k] - grid.points[target, k]) * share[source]
-            place_row, place_column = np.divmod(block, width)
-            rows_apart = rows.around(place_row[source] - place_row[target])
-            columns_apart = columns.around(place_column[source] - place_column[target])
-            place = target * data.shape[1] + (rows_apart + 1) * 3 + columns_apart + 1
-            data += np.bincount(place, excess, data.size).reshape(data.shape)
+    def _excess(self, grid: Tier, share: Single, block_row: NDArray[Any], block_column: NDArray[Any]) -> NDArray[Any]:
+        """Return what the exact coefficients of elements that are blocks add to displacements: as `_displacements`."""
+        target, k = np.nonzero(grid.neighbours < share.size)
+        source = grid.neighbours[target, k]
+        excess = (grid.near[target, k] - grid.points[target, k]) * share[source]
+        down = self.rows.around(block_row[source] - block_row[target])
+        right = self.columns.around(block_column[source] - block_column[target])
+        size = len(_AROUND) + 1
+        place = target * size + (down + 1) * 3 + right + 1
+        added: NDArray[Any] = np.bincount(place, excess, share.size * size).reshape(share.size, size)
+        return added
+
+    def _set_moments(self, data: Single, of_element: NDArray[np.int32], pieces: list[tuple[slice, slice]]) -> None:
+        """Set `near`, means of displacements over blocks, and `moved`, the rest, which takes the place of `data`."""
+        count = self.numbers.size
         means = self.spread.T @ data
         self.near: Single = means[:, :-1].copy()
         means[:, -1] = 0.0
@@ -217,7 +251,7 @@ class Tier:
             data[some] -= means.take(of_element[some], axis=0)
             of_block.take(of_element[some], axis=0, out=into[some], mode="clip")
         start = np.arange(0, data.size + 1, data.shape[1], dtype=np.int32)
-        self.moved = sparse.csr_array((data.ravel(), into.ravel(), start), shape=(elements.size, 2 * count))
+        self.moved = sparse.csr_array((data.ravel(), into.ravel(), start), shape=(len(data), 2 * count))
 
     @cached_property
     def points(self) -> Array:
@@ -248,7 +282,32 @@ class Tier:
                 values[some, outer] = 0.0
 
 
-def _images(numbers: NDArray[np.int32], absent: int, side: int) -> Callable[[list[Single], int], Single]:
+def _displacements(
+    frames: _Frames, acting: list[Single], around: NDArray[np.int32], tables: Single, pieces: list[tuple[slice, slice]]
+) -> Single:
+    """Return displacements of elements by a unit force on each block around, and E as last column, (elements, 10)."""
+    data = np.empty((frames.row.size, len(_AROUND) + 1), dtype=np.float32)
+    data[:, -1] = 1.0
+    for some, blocks in pieces:
+        at = [frames.places(some, end) - blocks.start * frames.side**2 for end in range(frames.ends)]
+        for j, (down, right) in enumerate(_AROUND):
+            force = (2 * (down < 0) + (right < 0)) % frames.ends
+            moved = (2 * (down > 0) + (right > 0)) % frames.ends
+            field = acting[force][around[blocks, j]] @ tables[j]
+            data[some, j] = field.ravel().take(at[moved])
+    return data
+
+
+def _near(grid: Compliance | Tier, side: int, *, images: bool) -> Single:
+    """Return the tables of displacements by blocks around."""
+    influence = grid.influence[: 2 * side, : 2 * side]
+    if images:
+        apart = (short_way(np.arange(2 * min(side, nodes)), nodes) for nodes in grid.shape)
+        influence = grid.influence[np.ix_(*apart)]
+    return _tables(influence.tobytes(), influence.shape[0], side)
+
+
+def _images(numbers: NDArray[np.int32], absent: int, side: int) -> _Images:
     """Return the shapes of the images of blocks along mirrored sides, as a function of those of the blocks.
 
     The function takes the shapes by the ends of their frames, and the end at which an image lies. Images get numbers
