@@ -21,6 +21,8 @@ throughput at the last pressures over its drop of s. A fixed point has the exact
 """
 
 import math
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -131,79 +133,99 @@ def conduction_of_gas(
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(wide > 0.0, local_flow(law, wide, middle, free), 0.0) / at_critical
     flowing = spanned(share >= 1.0 / WINDOW, periodic)
-    throughput, error, unequal, turns = _iterated(np.where(flowing, wide, 0.0), law, free, outlet, periodic, accuracy)
+    problem = _Turn(law, free, outlet)
+    throughput, error, unequal, turns = _iterated(np.where(flowing, wide, 0.0), problem, periodic, accuracy)
     (rows, columns), largest = along.shape, float(gap.max())
     mean = largest / critical * float(np.mean(gap / largest))
     plates = mean**3 * 0.5 * (1.0 - outlet**2) * columns / rows
     return GasFlow(throughput / plates, error, free / middle, unequal, turns)
 
 
-def _iterated(
-    gap: Array, law: str, path: float, outlet: float, periodic: bool, accuracy: float
-) -> tuple[float, float, float, int]:
-    """Return the throughput along axis 0 times 12 μ, both errors, and iterations; lengths are over the constriction."""
-    slip = {"viscous": 0.0, "slip": SLIP, "kinetic": 1.5 * SLIP}[law] * path
-    inlet_s, outlet_s = 0.5 + slip, outlet * (0.5 * outlet + slip)
-    drop = inlet_s - outlet_s
+@dataclass(frozen=True)
+class _Turn:
+    """The linear problem of a turn: s of pressures, and conductances for s, (conductance, pressure) of faces."""
 
-    def pressure_of(share: Array) -> Array:
-        """Return p of s, which runs from 0 at the outlet to 1 at the inlet."""
-        s = outlet_s + drop * np.clip(share, 0.0, 1.0)
-        root = slip + np.sqrt(slip**2 + 2.0 * s)
+    law: str
+    path: float
+    outlet: float
+
+    @cached_property
+    def slip(self) -> float:
+        """β of s = p²/2 + β p."""
+        return {"viscous": 0.0, "slip": SLIP, "kinetic": 1.5 * SLIP}[self.law] * self.path
+
+    @cached_property
+    def drop(self) -> float:
+        """The drop of s from inlet to outlet."""
+        return 0.5 + self.slip - self._at_outlet
+
+    @cached_property
+    def _at_outlet(self) -> float:
+        return self.outlet * (0.5 * self.outlet + self.slip)
+
+    def pressure_of(self, share: Array) -> Array:
+        """Return p of s, as a share of its drop: 0 at the outlet, 1 at the inlet."""
+        s = self._at_outlet + self.drop * np.clip(share, 0.0, 1.0)
+        root = self.slip + np.sqrt(self.slip**2 + 2.0 * s)
         return np.maximum(np.divide(2.0 * s, root, out=np.zeros_like(s), where=root > 0.0), VACUUM)
 
-    def between(g: Array, start: Array, end: Array) -> Array:
+    def mean(self, g: Array, first: Array, second: Array) -> Array:
         """Return the mean of f over the pressures between two."""
-        if law != "kinetic":
-            return 0.5 * g**3 * (start + end) + slip * g**2
-        high, low = np.maximum(start, end), np.minimum(start, end)
+        if self.law != "kinetic":
+            return 0.5 * g**3 * (first + second) + self.slip * g**2
+        high, low = np.maximum(first, second), np.minimum(first, second)
         far = (g > 0.0) & (high - low > NEAR * high)
         close = (g > 0.0) & ~far
         mean = np.zeros_like(g)
-        mean[far] = plate_flow(law, g[far], high[far], low[far], path) / (high[far] - low[far])
+        mean[far] = plate_flow(self.law, g[far], high[far], low[far], self.path) / (high[far] - low[far])
         centre, half = 0.5 * (high[close] + low[close]), 0.5 * (high[close] - low[close])
         points = ((5 / 18, -math.sqrt(0.6)), (8 / 18, 0.0), (5 / 18, math.sqrt(0.6)))  # Gauss
         mean[close] = sum(
-            weight * local_flow(law, g[close], np.maximum(centre + half * at, 1e-300), path) for weight, at in points
+            weight * local_flow(self.law, g[close], np.maximum(centre + half * at, 1e-300), self.path)
+            for weight, at in points
         )
         return mean
 
-    def conductances(p: Array, faces: Array, beyond: Array, behind: Array) -> tuple[Array, Array]:
-        """Return conductances for s of the faces between gaps ``beyond`` and ``behind``, and pressures of the faces."""
-        front, back = between(beyond, p[0], faces), between(behind, p[1], faces)
+    def inner(self, p: Array, faces: Array, gaps: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Return conductances and pressures of the faces between two elements of pressures `p`, from those of faces."""
+        front, back = self.mean(gaps[0], p[0], faces), self.mean(gaps[1], p[1], faces)
         total = front + back
-        own = np.divide(front * p[0] + back * p[1], total, out=0.5 * (p[0] + p[1]), where=total > 0.0)
-        front, back = between(beyond, p[0], own), between(behind, p[1], own)
-        return in_window(harmonic(front, back), 0.5 * (p[0] + p[1]), WINDOW), own
+        faces = np.divide(front * p[0] + back * p[1], total, out=0.5 * (p[0] + p[1]), where=total > 0.0)
+        front, back = self.mean(gaps[0], p[0], faces), self.mean(gaps[1], p[1], faces)
+        return self._in_window(harmonic(front, back), 0.5 * (p[0] + p[1]), WINDOW), faces
 
-    def in_window(flow: Array, mean: Array, most: float) -> Array:
+    def outer(self, p: Array, reservoir: float, gap: Array) -> Array:
+        """Return conductances between elements and the reservoir beside them."""
+        ends = np.full(p.size, reservoir)
+        return self._in_window(2.0 * self.mean(gap, ends, p), 0.5 * (ends + p), 2.0 * WINDOW)
+
+    def _in_window(self, flow: Array, mean: Array, most: float) -> Array:
         """Return the conductance for s of a flow at a mean pressure."""
-        through = flow / np.maximum(mean + slip, 1e-300)
+        through = flow / np.maximum(mean + self.slip, 1e-300)
         return np.clip(through, np.where(through > 0.0, 1.0 / WINDOW, 0.0), most)
 
+
+def _iterated(gap: Array, problem: _Turn, periodic: bool, accuracy: float) -> tuple[float, float, float, int]:
+    """Return the throughput along axis 0 times 12 μ, both errors, and iterations; lengths are over the constriction."""
     rows = gap.shape[0]
     share = np.repeat((1.0 - (np.arange(rows) + 0.5) / rows)[:, None], gap.shape[1], axis=1)
     beside = np.roll(gap, -1, axis=1)
-    p = pressure_of(share)
+    p = problem.pressure_of(share)
     down_faces, across_faces = 0.5 * (p[:-1] + p[1:]), 0.5 * (p + np.roll(p, -1, axis=1))
-    ends = (np.ones(gap.shape[1]), np.full(gap.shape[1], outlet))
     before = change = math.nan
     for turn in range(1, TURNS + 1):
-        inner, down_faces = conductances(np.stack([p[:-1], p[1:]]), down_faces, gap[:-1], gap[1:])
-        across, across_faces = conductances(np.stack([p, np.roll(p, -1, axis=1)]), across_faces, gap, beside)
+        inner, down_faces = problem.inner(np.stack([p[:-1], p[1:]]), down_faces, (gap[:-1], gap[1:]))
+        across, across_faces = problem.inner(np.stack([p, np.roll(p, -1, axis=1)]), across_faces, (gap, beside))
         if not periodic:
             across[:, -1] = 0.0
-        outer = [
-            in_window(2.0 * between(gap[line], end, p[line]), 0.5 * (end + p[line]), 2.0 * WINDOW)
-            for line, end in zip((0, -1), ends, strict=True)
-        ]
+        outer = [problem.outer(p[line], end, gap[line]) for line, end in ((0, 1.0), (-1, problem.outlet))]
         flow = flow_through(np.vstack([outer[0], inner, outer[1]]), across, INNER * accuracy, share)
         change, last = abs(flow.dissipation / before - 1.0), change
         error = CAUTION * np.fmax(change, LAST * last) + flow.error  # a change may be small by chance
         if change <= LAST * accuracy and error <= accuracy:
             unequal = max(abs(float(flow.down[line].sum()) - flow.dissipation) for line in (0, -1))
-            return flow.dissipation * drop, float(error), unequal / flow.dissipation, turn
+            return flow.dissipation * problem.drop, float(error), unequal / flow.dissipation, turn
         before, share = flow.dissipation, flow.pressure
-        p = pressure_of(np.where(gap > 0.0, share, 0.5))
+        p = problem.pressure_of(np.where(gap > 0.0, share, 0.5))
     message = f"the flow of the gas still changes after {TURNS} iterations"
     raise ConvergenceError(message, indentation=math.nan, iterations=TURNS, residual=math.nan)
