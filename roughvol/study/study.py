@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from roughvol.study.sections import ensemble as ensembles
 from roughvol.study.sections import surface as surfaces
 from roughvol.study.sections.agreement import resolve
 from roughvol.study.sections.fluid import Gas
+from roughvol.study.sections.height_file import HeightFile
 from roughvol.study.sections.record import Record
 from roughvol.study.sections.solver import NamedKernel, Solver
 from roughvol.study.sections.strict import refuse_at
@@ -108,21 +109,29 @@ class Study(StudyFile):
             drive=None if leak is None else leak.rate,
         )
         if isinstance(surface, MadeSurface):
-            unit = surface.length_unit
-            made = case(
-                L=float(surface.L),
-                length_unit=unit,
-                height=surface.height,
-                kernel=self.kernel(unit),
-                gas=self._gas(unit),
-                midpoint_law=surface.midpoint_law if isinstance(surface, GeneratedSurface) else None,
-                spectrum=surface.spectrum if isinstance(surface, SpectralSurface) else None,
-            )
-            levels, seeds = surface.m, surface.seeds
-            if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
-                levels, seeds = ensembles.levels_below(surfaces.first_finest(surface)), (self.ensemble.first_seed,)
-            product = itertools.product(surface.dimensions, levels, seeds)
-            return tuple(made.of_seed(D, m, seed) for D, m, seed in product)
+            return self._cases_of_made(case, surface)
+        return self._cases_of_files(case, surface)
+
+    def _cases_of_made(self, case: Callable[..., Case], surface: MadeSurface) -> tuple[Case, ...]:
+        """Return the cases of surfaces made from seeds, from the case without its surface."""
+        unit = surface.length_unit
+        made = case(
+            L=float(surface.L),
+            length_unit=unit,
+            height=surface.height,
+            kernel=self.kernel(unit),
+            gas=self._gas(unit),
+            midpoint_law=surface.midpoint_law if isinstance(surface, GeneratedSurface) else None,
+            spectrum=surface.spectrum if isinstance(surface, SpectralSurface) else None,
+        )
+        levels, seeds = surface.m, surface.seeds
+        if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
+            levels, seeds = ensembles.levels_below(surfaces.first_finest(surface)), (self.ensemble.first_seed,)
+        product = itertools.product(surface.dimensions, levels, seeds)
+        return tuple(made.of_seed(D, m, seed) for D, m, seed in product)
+
+    def _cases_of_files(self, case: Callable[..., Case], surface: HeightFile) -> tuple[Case, ...]:
+        """Return the cases of height files, from the case without its surface."""
         found: list[Case] = []
         for scan in surface.each:
             with self.placing():
@@ -135,8 +144,7 @@ class Study(StudyFile):
                     own = f"{measured.L:.9g} {unit or ''}".strip()
                     message = f"the files differ in L: {found[0].label} has {first}, {Path(scan.file).name} has {own}"
                     raise StudyError([Problem(message, "surface.files")])
-                made = case(kernel=self.kernel(unit), gas=self._gas(unit), **vars(measured))
-            found.append(made)
+                found.append(case(kernel=self.kernel(unit), gas=self._gas(unit), **vars(measured)))
         return tuple(found)
 
     def kernel(self, unit: str | None = None) -> NamedKernel:
