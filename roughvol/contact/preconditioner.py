@@ -55,7 +55,12 @@ def approximate_inverse(
         return inverse, free
     left_out = np.ones(elements.size, dtype=bool)
     left_out[kept] = False
+    return _with_entering(inverse, half_space, elements, left_out, tuning), ~left_out
 
+
+def _with_entering(inverse: Map, half_space: Compliance, elements: Index, left_out: Mask, tuning: Tuning) -> Map:
+    """Return M⁻¹ with the elements that come into contact, by `near_field.border`, from M⁻¹ without those left out."""
+    kept = np.flatnonzero(~left_out)
     row_of = np.full(elements.size, -1)  # of elements that have entered: their rows stay the same
     members, rows = border(half_space, elements, left_out, np.empty(0, dtype=np.intp))
     at_once = tuning.cache // 64  # small systems at a time
@@ -76,7 +81,7 @@ def approximate_inverse(
             np.add.at(z, around, row * (row * r[around]).sum(axis=1, keepdims=True))
         return z
 
-    return apply, ~left_out
+    return apply
 
 
 def weaker_inverses(half_space: Compliance, elements: Index, tuning: Tuning) -> Iterator[Map]:
