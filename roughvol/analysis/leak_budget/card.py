@@ -46,7 +46,7 @@ from roughvol.typing import Array
 
 def check_reached(fine: Pressed) -> None:
     """Refuse a run without a surface that is pressed to the load of a card; the message has the loads of the run."""
-    if all(one.state is None for one in surfaces_at_load(fine)):
+    if all(surface.state is None for surface in surfaces_at_load(fine)):
         run = Run.of(SWEEP, fine.dataset)
         for _, group in groups(derived(run.dataset, run.study)):
             at(run, group, fine.level)  # raises, except beyond a sweep that ended closed
@@ -56,22 +56,25 @@ def check_reached(fine: Pressed) -> None:
 
 def card_of(runs: Sequence[CardRuns], name: str, load: str) -> Card:
     """Return the card of one surface or of several, from the runs of each height file or of generated surfaces."""
-    fine = [surface for one in runs for surface in surfaces_at_load(one.fine)]
-    if all(one.state is None for one in fine):
+    fine = [surface for of_file in runs for surface in surfaces_at_load(of_file.fine)]
+    if all(surface.state is None for surface in fine):
         check_reached(runs[0].fine)
-    coarser = [comparable(grids, fine) for grids in zip(*(one.coarser for one in runs), strict=False)]
-    levels = [one.levelled for one in runs if one.levelled is not None]
+    coarser = [comparable(grids, fine) for grids in zip(*(of_file.coarser for of_file in runs), strict=False)]
+    levels = [of_file.levelled for of_file in runs if of_file.levelled is not None]
     levelled = None
     if len(levels) == len(runs):
-        _, before = comparable([one.before_levelling for one in runs], fine)
+        _, before = comparable([of_file.before_levelling for of_file in runs], fine)
         levelled = Levelled(levels[0].words, before, comparable(levels, fine)[1])
     ways = tuple(_way(fine, coarser, levelled, axis) for axis in AXES)
-    warnings = (line.strip() for one in runs for line in str(one.fine.dataset.attrs.get("warnings", "")).splitlines())
-    units = {str(one.table["nominal_pressure"].attrs["units"]) for one in fine if "nominal_pressure" in one.table}
+    texts = (str(of_file.fine.dataset.attrs.get("warnings", "")) for of_file in runs)
+    warnings = (line.strip() for text in texts for line in text.splitlines())
+    units = {
+        str(surface.table["nominal_pressure"].attrs["units"]) for surface in fine if "nominal_pressure" in surface.table
+    }
     return Card(
         title=name,
         load=load,
-        surfaces=tuple(_surface(one) for one in fine),
+        surfaces=tuple(_surface(surface) for surface in fine),
         pressure_unit=next(iter(units), ""),
         length_unit=str(fine[0].run.dataset.attrs.get("length_unit", "")),
         ways=ways,
@@ -87,30 +90,22 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     patch = Patch.of(fine[0].run.study, fine[0].table)
     if patch is None:
         return None
-    seal.check_alike([size for one in fine for size in seal.sizes_of(one.table)])
-    reached = [one for one in fine if all(math.isfinite(one.leak(axis)) for axis in AXES)]
+    seal.check_alike([size for surface in fine for size in seal.sizes_of(surface.table)])
+    reached = [surface for surface in fine if all(math.isfinite(surface.leak(axis)) for axis in AXES)]
     flow = next(way for way in ways if way.axis == patch.seal.flow)
     units = bool(flow.unit)
-    isotropic = seal.is_isotropic([seal.ratios(one.table) for one in fine])
-    maps = patch.conductances(np.array([[one.leak(axis) for axis in AXES] for one in reached]), in_units=units)
+    isotropic = seal.is_isotropic([seal.ratios(surface.table) for surface in fine])
+    maps = patch.conductances(np.array([[surface.leak(axis) for axis in AXES] for surface in reached]), in_units=units)
     quadrants = patch.conductances(_of_quadrants(fine[0]), in_units=units) if len(fine) == 1 else None
     shared = [part for part in flow.parts if part.name != "window"] if flow.leak.value > 0.0 else []
-    heights = [surface for one in fine if (surface := seal.surface_of(one.fields)) is not None]
+    heights = [found for surface in fine if (found := seal.surface_of(surface.fields)) is not None]
     representative = bool(heights) and seal.is_representative(heights)
-    closing, of_load = seal.Estimate(math.nan, math.nan, math.nan), tuple[Part, ...]()
-    loads = np.array([[[one.closing(axis).value for axis in patch.axes]] for one in fine])
-    if not is_lifted(fine[0].table) and (loads > 0.0).all():
-        closing = seal.closing_of(loads, patch.patches, isotropic=isotropic and len(fine) > 1)
-        of_load = tuple(part for part in flow.closing.parts if part.name != "window" or len(fine) == 1)
-        closing = seal.Estimate(*[closing.value] * 3) if len(fine) == 1 else closing
-        smaller, larger = together(of_load)
-        of_load += (seal.window_of(closing, f"{len(fine)} surfaces"),) if len(fine) > 1 else ()
-        closing = closing.with_factor(larger if representative else math.nan, smaller)
+    closing, of_load = _closing_of_seal(fine, patch, flow, isotropic=isotropic, representative=representative)
     leak, parts, words = seal.leak_of(
         patch, maps, quadrants, isotropic=isotropic, representative=representative, shared=shared
     )
     if (name := f"gas_{FLOW}") in fine[0].table:
-        leaks = np.array([[one.leak(axis, name) for axis in AXES] for one in fine])
+        leaks = np.array([[surface.leak(axis, name) for axis in AXES] for surface in fine])
         throughput = f"{number(seal.median(patch, leaks, isotropic=isotropic))} {fine[0].unit(name)}"
         gas = fine[0].table[name].attrs.get("gas", "the gas")
         words += (f"leak of {gas}: {throughput}, the median of as many sheets; the interval is that of the liquid",)
@@ -133,29 +128,47 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     )
 
 
-def _of_quadrants(one: Loaded) -> Array:
+def _closing_of_seal(
+    fine: Sequence[Loaded], patch: Patch, flow: Way, *, isotropic: bool, representative: bool
+) -> tuple[seal.Estimate, tuple[Part, ...]]:
+    """Return the closing load of a seal and the parts of its error; NaN under fluid pressure, or if a way is open."""
+    loads = np.array([[[surface.closing(axis).value for axis in patch.axes]] for surface in fine])
+    if is_lifted(fine[0].table) or not (loads > 0.0).all():
+        return seal.Estimate(math.nan, math.nan, math.nan), ()
+    several = len(fine) > 1
+    closing = seal.closing_of(loads, patch.patches, isotropic=isotropic and several)
+    parts = tuple(part for part in flow.closing.parts if part.name != "window" or not several)
+    smaller, larger = together(parts)
+    if several:
+        parts += (seal.window_of(closing, f"{len(fine)} surfaces"),)
+    else:
+        closing = seal.Estimate(*[closing.value] * 3)
+    return closing.with_factor(larger if representative else math.nan, smaller), parts
+
+
+def _of_quadrants(surface: Loaded) -> Array:
     """Return the leaks that the quadrants of a map would have as the map, shape (4, 2)."""
     leaks = []
     for axis in AXES:
-        gap, _ = gap_of(one, axis, lifted=is_lifted(one.table))
+        gap, _ = gap_of(surface, axis, lifted=is_lifted(surface.table))
         flows = [flow_of(part, axis) for part in quarters(gap)] if gap.size else [0.0] * 4
-        leaks.append(np.array(flows) * per_starred(one, axis) if any(flows) else np.zeros(4))
+        leaks.append(np.array(flows) * per_starred(surface, axis) if any(flows) else np.zeros(4))
     return np.stack(leaks, axis=1)
 
 
-def _surface(one: Loaded) -> SurfaceAtLoad:
+def _surface(surface: Loaded) -> SurfaceAtLoad:
     return SurfaceAtLoad(
-        name=one.name,
-        Sq=float(one.table["Sq"][0]),
-        Sdq=float(one.table["Sdq"][0]),
-        mean_pressure=one.number("mean_pressure"),
-        nominal_pressure=one.number("nominal_pressure"),
-        contact_area=one.number("contact_area_fraction"),
-        free_volume=one.number("free_volume"),
-        leaks=tuple(one.leak(axis) for axis in AXES),
-        closings=tuple(one.closing(axis) for axis in AXES),
-        table=one.fields,
-        recorded=one.recorded,
+        name=surface.name,
+        Sq=float(surface.table["Sq"][0]),
+        Sdq=float(surface.table["Sdq"][0]),
+        mean_pressure=surface.number("mean_pressure"),
+        nominal_pressure=surface.number("nominal_pressure"),
+        contact_area=surface.number("contact_area_fraction"),
+        free_volume=surface.number("free_volume"),
+        leaks=tuple(surface.leak(axis) for axis in AXES),
+        closings=tuple(surface.closing(axis) for axis in AXES),
+        table=surface.fields,
+        recorded=surface.recorded,
     )
 
 
@@ -163,7 +176,7 @@ def _beside(fine: Sequence[Loaded]) -> Iterator[Beside]:
     """Yield the leaks of the dry gap and of a gas."""
     dry = "leak of the dry gap, without fluid pressure"
     for name, words in ((f"{FLOW}_dry", dry), (f"gas_{FLOW}", "leak of"), (f"gas_{FLOW}_dry", dry)):
-        leaks = [[one.leak(axis, name) for one in fine] for axis in AXES]
+        leaks = [[surface.leak(axis, name) for surface in fine] for axis in AXES]
         variable = fine[0].table.get(name)
         if np.isfinite(leaks).any():
             gas = f"{variable.attrs['gas']}" if variable is not None and "gas" in variable.attrs else ""
@@ -174,7 +187,7 @@ def _beside(fine: Sequence[Loaded]) -> Iterator[Beside]:
 def _way(fine: Sequence[Loaded], coarser: Grids, levelled: Levelled | None, axis: str) -> Way:
     """Return the leak along one axis with its closing and its error."""
     leak = leak_of(fine, axis)
-    finer = [Finer.of(one, others) for one, *others in same_surfaces(fine, coarser)]
+    finer = [Finer.of(surface, others) for surface, *others in same_surfaces(fine, coarser)]
     window = window_part_of_load(fine, axis)
     of_load = [solver_part_of_load(fine, axis), grid_part_of_load(fine, coarser, finer, axis), window]
     if levelled is not None:
@@ -187,7 +200,7 @@ def _way(fine: Sequence[Loaded], coarser: Grids, levelled: Levelled | None, axis
             parts.append(levelling_part(fine, levelled, axis))
     else:
         parts = of_load
-    count = sum(one.leak(axis) > 0.0 for one in fine)
+    count = sum(surface.leak(axis) > 0.0 for surface in fine)
     most = _at_most(fine, closing, axis) if leak.value == 0.0 else math.nan
     return Way(axis, leak, count, fine[0].unit(), closing, others, _last_open(fine, axis), tuple(parts), most)
 
@@ -195,7 +208,7 @@ def _way(fine: Sequence[Loaded], coarser: Grids, levelled: Levelled | None, axis
 def _at_most(fine: Sequence[Loaded], closing: Closing, axis: str) -> float:
     """Return the leak of a closed way if it closes at the far end of the interval of its closing load."""
     _, larger = together(closing.parts)
-    leaks = [one.leak_if(axis, math.log(larger)) for one in fine]
+    leaks = [surface.leak_if(axis, math.log(larger)) for surface in fine]
     return average(FLOW, leaks).value if np.isfinite(leaks).all() else math.nan
 
 

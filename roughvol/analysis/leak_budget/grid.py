@@ -44,7 +44,7 @@ class Finer:
     scatter: float  # of the closing load
 
     @classmethod
-    def of(cls, one: Loaded, others: Sequence[Loaded]) -> Finer:
+    def of(cls, surface: Loaded, others: Sequence[Loaded]) -> Finer:
         """Return what follows from the same surface on coarser grids, those at twice the spacing first.
 
         Slopes grow below the map as in the last octave but one, or by less as far as the last octave has less: there a
@@ -52,10 +52,10 @@ class Finer:
         """
         if not others:
             return cls(math.nan, math.nan)
-        closings = [(one.closing(axis).value, others[0].closing(axis).value) for axis in AXES]
+        closings = [(surface.closing(axis).value, others[0].closing(axis).value) for axis in AXES]
         changes = [abs(math.log(here / there)) for here, there in closings if math.isfinite(here) and there > 0.0]
         scatter = SCATTER * min(1.0, max(changes, default=ROUGH) / ROUGH)
-        slopes = [float(grid.table["Sdq"][0]) for grid in (one, *others)]
+        slopes = [float(grid.table["Sdq"][0]) for grid in (surface, *others)]
         if not min(slopes) > 0.0:
             return cls(0.0, scatter)
         last, *before = (math.log(here / there) for here, there in itertools.pairwise(slopes))
@@ -73,7 +73,7 @@ class Finer:
 
 
 def _finer_words(finer: Sequence[Finer]) -> str:
-    growth = float(np.mean([one.growth for one in finer]))
+    growth = float(np.mean([below.growth for below in finer]))
     if growth == 0.0:
         return "slopes grow no more at this spacing: the spectrum ends before it"
     counts = ": roughness below the spacing counts" if growth >= STEEP else ""
@@ -84,7 +84,7 @@ def grid_part_of_load(fine: Sequence[Loaded], coarser: Grids, finer: Sequence[Fi
     """Return the part of the grid of the closing load."""
     if not coarser:
         return Part("grid", math.nan, NO_COARSER)
-    fall, rise = (float(np.mean(logs)) for logs in zip(*(one.of_closing for one in finer), strict=True))
+    fall, rise = (float(np.mean(logs)) for logs in zip(*(below.of_closing for below in finer), strict=True))
     words = "; ".join((_trend(fine, coarser, axis), _finer_words(finer)))
     return Part("grid", math.exp(rise), words, math.exp(fall))
 
@@ -95,11 +95,11 @@ def grid_part(fine: Sequence[Loaded], coarser: Grids, finer: Sequence[Finer], ax
         return Part("grid", math.nan, NO_COARSER)
     words = ", ".join(f"{words}: {_change(fine, surfaces, axis)}" for words, surfaces in coarser)
     low, high = list[float](), list[float]()
-    for (one, other, *_), below in zip(same_surfaces(fine, coarser), finer, strict=True):
+    for (surface, coarse, *_), below in zip(same_surfaces(fine, coarser), finer, strict=True):
         fall, rise = below.of_leak
-        here, change = one.leak(axis), math.exp(OCTAVES * abs(log_ratio(one, other, axis)))
-        low.append(np.nanmax([here / change, one.leak_if(axis, -fall), 0.0]))
-        high.append(np.nanmin([here * change, one.leak_if(axis, rise), math.inf]))
+        here, change = surface.leak(axis), math.exp(OCTAVES * abs(log_ratio(surface, coarse, axis)))
+        low.append(np.nanmax([here / change, surface.leak_if(axis, -fall), 0.0]))
+        high.append(np.nanmin([here * change, surface.leak_if(axis, rise), math.inf]))
     return part_of_surfaces("grid", fine, low, high, axis, f"{words}; {_finer_words(finer)}")
 
 
@@ -108,7 +108,9 @@ def _change(fine: Sequence[Loaded], other: Sequence[Loaded], axis: str) -> str:
     here, there = leak_of(fine, axis).value, leak_of(other, axis).value
     if not math.isfinite(there):
         return "not pressed to this load"
-    shut = sum(one.leak(axis) > 0.0 and two.leak(axis) == 0.0 for one, two in zip(fine, other, strict=True))
+    shut = sum(
+        surface.leak(axis) > 0.0 and coarse.leak(axis) == 0.0 for surface, coarse in zip(fine, other, strict=True)
+    )
     count = f" ({shut} of {len(fine)} surfaces close)" if shut and len(fine) > 1 else ""
     return f"× {number(there / here)}{count}" if there > 0.0 else "closed"
 
@@ -123,7 +125,7 @@ def _trend(fine: Sequence[Loaded], coarser: Grids, axis: str) -> str:
     known = [load for load in middles if math.isfinite(load)]
     if len(known) > 1 and math.isfinite(middles[0]):
         loads = ", ".join(number(load) for load in reversed(known))
-        rises = all(one > other for one, other in itertools.pairwise(known))
+        rises = all(finer_load > coarser_load for finer_load, coarser_load in itertools.pairwise(known))
         text.append(
             f"it closes at about {loads} {closings[0].unit or '(p*)'} from the coarsest grid to the finest"
             + (": closing loads rise, and on a finer grid the way may be open" if rises else "")

@@ -44,13 +44,13 @@ def levelling_part_of_load(levelled: Levelled, axis: str) -> Part:
 def levelling_part(fine: Sequence[Loaded], levelled: Levelled, axis: str) -> Part:
     """Return the part of the levelling of the leak; where the way closes on its grid, that of the closing load."""
     low, high, logs = list[float](), list[float](), list[float]()
-    for one, before, after in zip(fine, levelled.before, levelled.after, strict=True):
-        log = _log_of_levelling(one, before, after, axis)
-        here, change = one.leak(axis), math.exp(abs(log))
+    for surface, before, after in zip(fine, levelled.before, levelled.after, strict=True):
+        log = _log_of_levelling(surface, before, after, axis)
+        here, change = surface.leak(axis), math.exp(abs(log))
         ends = here / change, here * change
         if math.isnan(log) and after.closing(axis).value > 0.0 and before.closing(axis).value > 0.0:
             of_load = abs(math.log(after.closing(axis).value / before.closing(axis).value))
-            ends = one.leak_if(axis, -of_load), one.leak_if(axis, of_load)
+            ends = surface.leak_if(axis, -of_load), surface.leak_if(axis, of_load)
         low.append(ends[0])
         high.append(ends[1])
         logs.append(log)
@@ -62,14 +62,14 @@ def levelling_part(fine: Sequence[Loaded], levelled: Levelled, axis: str) -> Par
     return part_of_surfaces("levelling", fine, low, high, axis, f"with {levelled.words}: {words}")
 
 
-def _log_of_levelling(one: Loaded, before: Loaded, after: Loaded, axis: str) -> float:
+def _log_of_levelling(surface: Loaded, before: Loaded, after: Loaded, axis: str) -> float:
     """Return the logarithm of what a levelling does to the leak; NaN where the way closes.
 
     A coarser grid closes at a smaller load. The leaks are those at the same share of the closing load.
     """
-    closes, known = before.closing(axis).value, one.closing(axis).value
-    if not one.leads or is_lifted(one.table) or not (0.0 < known < math.inf and 0.0 < closes < math.inf):
+    closes, known = before.closing(axis).value, surface.closing(axis).value
+    if not surface.leads or is_lifted(surface.table) or not (0.0 < known < math.inf and 0.0 < closes < math.inf):
         return log_ratio(before, after, axis)
-    load = one.load * closes / known
+    load = surface.load * closes / known
     here, there = (grid.leak_at(axis, load) for grid in (before, after))
     return math.log(there / here) if here > 0.0 and there > 0.0 else math.nan

@@ -31,24 +31,24 @@ STEEPEST = 10.0  # largest power of the indentation with which p* rises
 def solver_part(fine: Sequence[Loaded], axis: str) -> Part:
     """Return the part of the solver: the leak with all gaps η smaller, and η larger."""
     lifted, low, high = is_lifted(fine[0].table), list[float](), list[float]()
-    for one in fine:
-        leak = one.leak(axis)
+    for surface in fine:
+        leak = surface.leak(axis)
         if not math.isfinite(leak):
             continue
-        smaller, middle, larger = _flows(one, axis, lifted=lifted)
+        smaller, middle, larger = _flows(surface, axis, lifted=lifted)
         low.append(leak * smaller / middle if middle else 0.0)
-        high.append(leak * larger / middle if middle else larger * per_starred(one, axis))
-    largest = max(_bound(one, axis) for one in fine)
+        high.append(leak * larger / middle if middle else larger * per_starred(surface, axis))
+    largest = max(_bound(surface, axis) for surface in fine)
     words = f"certified: every gap is right to η/σ = {largest:.1e}"
     if lifted:
         words = (
             f"estimated: contacts are solved to η/σ = {largest:.1e}, the fluid pressure to {ACCURACY:.0e} of the drop"
         )
-    flows = max((float(one.table[ERROR].max()) for one in fine if ERROR in one.table), default=0.0)
+    flows = max((float(surface.table[ERROR].max()) for surface in fine if ERROR in surface.table), default=0.0)
     if lifted and (study := fine[0].run.study) is not None:  # what the lifted flows were asked for; not stored
         flows = max(flows, flow_accuracy(study.record))
     words += f"; flows to {flows:.0e}" if flows > 0.0 else ""
-    below, here, above = (average(FLOW, leaks).value for leaks in (low, [one.leak(axis) for one in fine], high))
+    below, here, above = (average(FLOW, leaks).value for leaks in (low, [surface.leak(axis) for surface in fine], high))
     if not here > 0.0:
         at_most = f"; closed ways leak at most {number(above)} {fine[0].unit()}" if math.isfinite(above) else ""
         return Part("solver", math.inf, f"{words}{at_most}".strip())
@@ -59,7 +59,7 @@ def solver_part(fine: Sequence[Loaded], axis: str) -> Part:
 
 def solver_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
     """Return the part of the solver of the closing load."""
-    found = [span for one in fine for span in one.closing(axis).spans]
+    found = [span for surface in fine for span in surface.closing(axis).spans]
     if not found or not all(span.closes for span in found):
         return Part("solver", math.nan, "the way does not close within the sweep" if found else "no way is followed")
     if all(span.open_up_to == span.closed_from for span in found):
@@ -69,12 +69,12 @@ def solver_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
     return Part("solver", math.sqrt(high / low) if low > 0.0 else math.inf, "between two steps of the sweep")
 
 
-def _flows(one: Loaded, axis: str, *, lifted: bool) -> tuple[float, float, float]:
+def _flows(surface: Loaded, axis: str, *, lifted: bool) -> tuple[float, float, float]:
     """Return T* V*³ with all gaps η smaller, as they are, and η larger; elements in contact may be open by η."""
-    gap, whole = gap_of(one, axis, lifted=lifted)
+    gap, whole = gap_of(surface, axis, lifted=lifted)
     if gap.size == 0:  # closed before the load
         return 0.0, 0.0, math.nan
-    periodic, bound, flows = whole and is_periodic(one), _bound(one, axis), []
+    periodic, bound, flows = whole and is_periodic(surface), _bound(surface, axis), []
     for shift in (-bound, 0.0, bound):
         shifted = np.where(gap > 0.0, np.maximum(gap + shift, 0.0), max(shift, 0.0))
         flows.append(flow_of(shifted, axis, periodic=periodic))
@@ -82,22 +82,22 @@ def _flows(one: Loaded, axis: str, *, lifted: bool) -> tuple[float, float, float
     return smaller, middle, larger
 
 
-def _bound(one: Loaded, axis: str) -> float:
+def _bound(surface: Loaded, axis: str) -> float:
     """Return η/σ: the largest of the steps, and that to which a state between two steps is solved.
 
     Under fluid pressure P the gap is right to η and to the displacement of the error of P, taken as a wave of length L:
     L/(π E*) times its amplitude.
     """
-    if not is_lifted(one.table):
-        return max(float(one.table["residual"].max()), one.run.rtol)
-    study = one.run.study
+    if not is_lifted(surface.table):
+        return max(float(surface.table["residual"].max()), surface.run.rtol)
+    study = surface.run.study
     assert study is not None
     assert study.record.fluid_pressure is not None
-    state = one.fields.sel({STATE: one.recorded})
+    state = surface.fields.sel({STATE: surface.recorded})
     drop = float(state[f"{STATE}_inlet"] - state[f"{STATE}_outlet"])
     if study.record.fluid_pressure.coupling == "one-way" or not math.isfinite(drop):
-        return min(RTOL, one.run.rtol)
+        return min(RTOL, surface.run.rtol)
     names = ("fluid_leak_dry", "fluid_leak_one_way", "fluid_leak")
     dry, first, last = (float(state[name].sel(axis=axis)) for name in names)
     gain = max(1.0, abs((last - dry) / (first - dry))) if first != dry else 1.0
-    return min(RTOL, one.run.rtol) + gain * ACCURACY * drop / math.pi
+    return min(RTOL, surface.run.rtol) + gain * ACCURACY * drop / math.pi

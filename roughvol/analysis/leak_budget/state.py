@@ -152,7 +152,7 @@ def curve_of(points: Mapping[float, float], closes: float) -> PchipInterpolator 
         left = 1.0 - loads[-1] / closes
         power = max(1.0, -slopes[-1] * left / (1.0 - left))
         after = np.log(closes * (1.0 - left * NEARER)), y[-1] + power * np.log(NEARER)
-    sides = (np.concatenate([one, middle, other]) for one, middle, other in zip(before, (x, y), after, strict=True))
+    sides = (np.concatenate([early, middle, late]) for early, middle, late in zip(before, (x, y), after, strict=True))
     return PchipInterpolator(*sides, extrapolate=False)
 
 
@@ -161,17 +161,17 @@ def surfaces_at_load(pressed: Pressed) -> Iterator[Loaded]:
     run = Run.of(SWEEP, pressed.dataset)
     for label, group in groups(derived(run.dataset, run.study)):
         for k in range(group.sizes["seed"]):
-            one = group.isel(seed=[k])
-            name = f"{label}, seed {int(one['seed'][0])}" if "seed" in one.coords else label
+            table = group.isel(seed=[k])
+            name = f"{label}, seed {int(table['seed'][0])}" if "seed" in table.coords else label
             try:
-                state = at(run, one, pressed.level)
+                state = at(run, table, pressed.level)
             except DatasetError:
-                yield Loaded(name, run, pressed.level, one, None, pressed.level.label)
+                yield Loaded(name, run, pressed.level, table, None, pressed.level.label)
                 continue
             study = run.study
-            dry = study is not None and study.record.fluid_pressure is not None and not is_lifted(one)
-            leads = len(legs_of(one)) == 1 or leg_of(one, pressed.level) == 1
-            yield Loaded(name, run, pressed.level, one, None if dry else state.data, state.recorded, leads)
+            dry = study is not None and study.record.fluid_pressure is not None and not is_lifted(table)
+            leads = len(legs_of(table)) == 1 or leg_of(table, pressed.level) == 1
+            yield Loaded(name, run, pressed.level, table, None if dry else state.data, state.recorded, leads)
 
 
 def leg_of(table: Dataset, level: Level) -> int:
@@ -187,7 +187,7 @@ def comparable(runs: Sequence[Pressed], fine: Sequence[Loaded]) -> tuple[str, li
     At equal nominal pressure leaks are compared as they are, and as T* V*³ Sq³ without a unit. At equal p* starred
     numbers are compared, as those of generated surfaces with starred loads.
     """
-    surfaces = [surface for one in runs for surface in surfaces_at_load(one)]
+    surfaces = [surface for pressed in runs for surface in surfaces_at_load(pressed)]
     study = surfaces[0].run.study
     physical = (study is not None and isinstance(study.surface, HeightFile)) or isinstance(
         runs[0].level.value, Quantity
@@ -204,18 +204,18 @@ def comparable(runs: Sequence[Pressed], fine: Sequence[Loaded]) -> tuple[str, li
 
 def leak_of(surfaces: Sequence[Loaded], axis: str) -> Average:
     """Return the leak of several surfaces."""
-    return average(FLOW, [one.leak(axis) for one in surfaces])
+    return average(FLOW, [surface.leak(axis) for surface in surfaces])
 
 
 def closing_of(surfaces: Sequence[Loaded], axis: str) -> Closing:
     """Return where the last way of several surfaces closes."""
-    found = [one.closing(axis) for one in surfaces]
+    found = [surface.closing(axis) for surface in surfaces]
     return Closing(tuple(span for closing in found for span in closing.spans), found[0].unit)
 
 
-def log_ratio(one: Loaded, other: Loaded, axis: str) -> float:
+def log_ratio(surface: Loaded, other: Loaded, axis: str) -> float:
     """Return the logarithm of the leak of another run over that on the finest grid; not finite without both."""
-    here, there = one.leak(axis), other.leak(axis)
+    here, there = surface.leak(axis), other.leak(axis)
     return math.log(there / here) if here > 0.0 and there > 0.0 else math.nan
 
 
@@ -228,19 +228,19 @@ def part_of_surfaces(
     name: str, fine: Sequence[Loaded], low: Sequence[float], high: Sequence[float], axis: str, words: str
 ) -> Part:
     """Return a part of the median of several leaks, from the smallest and the largest leak of each; NaN if unknown."""
-    leaks = np.array([one.leak(axis) for one in fine])
+    leaks = np.array([surface.leak(axis) for surface in fine])
     reached = np.isfinite(leaks)
     ends = np.where(np.isnan(low), 0.0, low), np.where(np.isnan(high), math.inf, high)
     here, least, most = (float(np.median(values[reached])) for values in (leaks, *ends))
     return Part(name, most / here, words, here / least if least > 0.0 else math.inf)
 
 
-def gap_of(one: Loaded, axis: str, *, lifted: bool) -> tuple[Array, bool]:
+def gap_of(surface: Loaded, axis: str, *, lifted: bool) -> tuple[Array, bool]:
     """Return the gap over σ at the recorded state, in the region, and whether that is the whole; empty without one."""
-    if "flux" not in one.table:  # no surface reaches the load
+    if "flux" not in surface.table:  # no surface reaches the load
         return np.empty((0, 0)), False
-    state = one.fields.sel(field_at=one.recorded, flux_at=one.recorded)
-    kept = state["fluid_gap"].sel({STATE: one.recorded, "axis": axis}) if lifted else state["gap"]
+    state = surface.fields.sel(field_at=surface.recorded, flux_at=surface.recorded)
+    kept = state["fluid_gap"].sel({STATE: surface.recorded, "axis": axis}) if lifted else state["gap"]
     gap = kept.transpose("x", "y").values
     inside, solved = np.isfinite(state["flux"].sel(axis=axis).transpose("x", "y").values), np.isfinite(gap)
     rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
@@ -256,20 +256,20 @@ def flow_of(gap: Array, axis: str, *, periodic: bool = False) -> float:
     return flow.coefficient * float(gap.mean()) ** 3
 
 
-def is_periodic(one: Loaded) -> bool:
+def is_periodic(surface: Loaded) -> bool:
     """Return whether a run is of periodic surfaces."""
-    return "periodic" in one.run.dataset.attrs
+    return "periodic" in surface.run.dataset.attrs
 
 
-def per_starred(one: Loaded, axis: str) -> float:
+def per_starred(surface: Loaded, axis: str) -> float:
     """Return the leak of T* V*³ = 1, from the first open step; 1 without a unit, NaN without an open step."""
-    if not one.unit():
+    if not surface.unit():
         return 1.0
     for dry in ("", "_dry"):
         names = f"{FLOW}{dry}", f"transmissivity{dry}"
-        if all(name in one.table for name in names):
-            leak, starred = (one.table[name].sel(axis=axis).values[0] for name in names)
+        if all(name in surface.table for name in names):
+            leak, starred = (surface.table[name].sel(axis=axis).values[0] for name in names)
             open_ = np.flatnonzero(starred > 0.0)
-            volume = one.table["free_volume"].values[0]
+            volume = surface.table["free_volume"].values[0]
             return float(leak[open_[0]] / (starred[open_[0]] * volume[open_[0]] ** 3)) if open_.size else math.nan
     return math.nan

@@ -32,7 +32,7 @@ def window_part(fine: Sequence[Loaded], of_loads: Part, axis: str) -> Part:
 
     Where surfaces or quadrants are closed, it is the part of the closing load.
     """
-    values = np.array([one.leak(axis) for one in fine])
+    values = np.array([surface.leak(axis) for surface in fine])
     values = values[np.isfinite(values)]
     if len(fine) > 1:
         if values.size < 2:
@@ -47,32 +47,36 @@ def window_part(fine: Sequence[Loaded], of_loads: Part, axis: str) -> Part:
     if not of_loads.known:
         return Part("window", math.inf, f"{closed}: other windows of the joint may be open")
     log = math.log(of_loads.factor)
-    low, high = ([one.leak_if(axis, end) for one in fine] for end in (-log, log))
+    low, high = ([surface.leak_if(axis, end) for surface in fine] for end in (-log, log))
     return part_of_surfaces("window", fine, low, high, axis, f"{closed}: from the closing load, {of_loads.words}")
 
 
-def _window_of_quadrants(one: Loaded, axis: str) -> Part:
+def _window_of_quadrants(surface: Loaded, axis: str) -> Part:
     """Return the part of the window of the leak of the only surface."""
-    lifted = is_lifted(one.table)
-    gap, whole = gap_of(one, axis, lifted=lifted)
+    lifted = is_lifted(surface.table)
+    gap, whole = gap_of(surface, axis, lifted=lifted)
     flows = np.array([flow_of(part, axis) for part in quarters(gap)])
     shut = f", {np.count_nonzero(flows == 0.0)} closed" if (flows == 0.0).any() else ""
     words = f"scatter of the leaks of the quadrants of the map{shut}, {_percent()} by t, times {QUADRANTS}"
-    if one.leads and not lifted:
-        log = scatter_of_loads(one, axis, flows / flow_of(gap, axis, periodic=whole and is_periodic(one)), one.load)
-        return part_of_surfaces("window", [one], [one.leak_if(axis, -log)], [one.leak_if(axis, log)], axis, words)
+    if surface.leads and not lifted:
+        log = scatter_of_loads(
+            surface, axis, flows / flow_of(gap, axis, periodic=whole and is_periodic(surface)), surface.load
+        )
+        return part_of_surfaces(
+            "window", [surface], [surface.leak_if(axis, -log)], [surface.leak_if(axis, log)], axis, words
+        )
     if shut:
         return Part("window", math.inf, f"{words}: other windows of the joint may be open")
     return Part("window", math.exp(QUADRANTS * _half(flows)), words)
 
 
-def scatter_of_loads(one: Loaded, axis: str, ratios: Array, load: float) -> float:
+def scatter_of_loads(surface: Loaded, axis: str, ratios: Array, load: float) -> float:
     """Return the part of the window of loads, as a logarithm, from the leaks of quadrants over that of the map.
 
     Each quadrant has the load at which the map leaks as much; a closed quadrant has the closing load.
     """
-    here = one.leak_at(axis, load)
-    return QUADRANTS * _half(np.array([one.load_at(axis, here * ratio) for ratio in ratios]))
+    here = surface.leak_at(axis, load)
+    return QUADRANTS * _half(np.array([surface.load_at(axis, here * ratio) for ratio in ratios]))
 
 
 def window_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
@@ -81,14 +85,14 @@ def window_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
     The leaks of the quadrants are those at a light load, where most are open.
     """
     if len(fine) > 1:
-        loads = np.array([one.closing(axis).value for one in fine])
+        loads = np.array([surface.closing(axis).value for surface in fine])
         if not np.isfinite(loads).all():
             return Part("window", math.inf, f"{np.count_nonzero(~np.isfinite(loads))} of {loads.size} do not close")
         words = f"{_percent()} interval of the mean over {loads.size} surfaces, of logarithms by t"
         return Part("window", math.exp(_half(loads)), words)
-    one = fine[0]
-    table = first_leg(one.table).isel(seed=0)
-    starred = f"transmissivity{'_dry' if is_lifted(one.table) else ''}"
+    surface = fine[0]
+    table = first_leg(surface.table).isel(seed=0)
+    starred = f"transmissivity{'_dry' if is_lifted(surface.table) else ''}"
     if "quadrant_flow" not in table:
         return Part("window", math.nan, "the flows of its quadrants are not stored")
     along = table["quadrant_flow"].sel(axis=axis).dropna("step", how="all")
@@ -97,9 +101,9 @@ def window_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
     step = table.sel(step=int(along["step"][0]))
     load, flow = float(step[load_of(table)]), float(step[starred].sel(axis=axis)) * float(step["free_volume"]) ** 3
     if not flow > 0.0:
-        return Part("window", math.nan, f"the map is closed at {one.closing(axis).load(load)}")
-    log = scatter_of_loads(one, axis, along.values[0] / flow, load)
-    at = f"the quadrants of the map at {one.closing(axis).load(load)}"
+        return Part("window", math.nan, f"the map is closed at {surface.closing(axis).load(load)}")
+    log = scatter_of_loads(surface, axis, along.values[0] / flow, load)
+    at = f"the quadrants of the map at {surface.closing(axis).load(load)}"
     words = f"scatter of the leaks of {at}, {_percent()} by t, times {QUADRANTS}, as loads of equal leak"
     return Part("window", math.exp(log), words)
 
