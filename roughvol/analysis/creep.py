@@ -139,7 +139,7 @@ def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float])
     equivalent = pressure * ratio
     by_axis = {axis: curves(run, axis) for axis in axes(run)}
     unit = str(run["nominal_pressure"].attrs["units"])
-    _within_reach([one for each in by_axis.values() for one in each], unit, equivalent, seconds, pressure)
+    _within_reach([curve for along in by_axis.values() for curve in along], unit, equivalent, seconds, pressure)
     areas = [
         at_state(p, surface["contact_area_fraction"].values, _on_steps(p, equivalent))
         for surface in pressed
@@ -187,25 +187,25 @@ def _on_steps(steps: Array, loads: Array) -> Array:
     return np.where(near.any(axis=1), steps[near.argmax(axis=1)], loads)
 
 
-def _over_surfaces(each: Sequence[Curve], equivalent: Array) -> OverSurfaces:
+def _over_surfaces(curves_of: Sequence[Curve], equivalent: Array) -> OverSurfaces:
     """Return median, range and interval of the leaks at nominal pressures."""
-    readings = [one.at(equivalent) for one in each]
+    readings = [curve.at(equivalent) for curve in curves_of]
     value, low, high = (
-        [average("leak_rate", there) for there in np.transpose([getattr(one, name) for one in readings])]
+        [average("leak_rate", there) for there in np.transpose([getattr(reading, name) for reading in readings])]
         for name in ("value", "low", "high")
     )
-    median, least, most = (np.array([getattr(one, name) for one in value]) for name in ("value", "low", "high"))
-    lows, highs = (np.array([one.value for one in ends]) for ends in (low, high))
-    open_ = np.sum([one.value > 0.0 for one in readings], axis=0)
-    closing = np.sum([(one.low == 0.0) & (one.high > 0.0) for one in readings], axis=0)
+    median, least, most = (np.array([getattr(leak, name) for leak in value]) for name in ("value", "low", "high"))
+    lows, highs = (np.array([leak.value for leak in ends]) for ends in (low, high))
+    open_ = np.sum([reading.value > 0.0 for reading in readings], axis=0)
+    closing = np.sum([(reading.low == 0.0) & (reading.high > 0.0) for reading in readings], axis=0)
     return OverSurfaces(median, lows, highs, least, most, open_, closing, len(readings), (lows == 0.0) & (median > 0.0))
 
 
 def _within_reach(
-    each: Sequence[Curve], unit: str, equivalent: Array, seconds: Sequence[float], pressure: float
+    curves_of: Sequence[Curve], unit: str, equivalent: Array, seconds: Sequence[float], pressure: float
 ) -> None:
     """Refuse times whose states lie beyond the stored sweep of a surface with an open way."""
-    low, high = max(one.begins for one in each), min(one.ends for one in each)
+    low, high = max(curve.begins for curve in curves_of), min(curve.ends for curve in curves_of)
     if equivalent[0] < low * (1.0 - REACHED):
         refuse(
             f"at {seconds[0]:.4g} s the state is that of {equivalent[0]:.4g} {unit}; the sweep begins at "
@@ -267,7 +267,10 @@ def table_of(over_time: History) -> Table:
         ]
     rows = []
     for k, seconds in enumerate(over_time.seconds):
-        row = [_time(seconds), *(number(one[k]) for one in (over_time.ratio, over_time.equivalent, over_time.area))]
+        row = [
+            _time(seconds),
+            *(number(values[k]) for values in (over_time.ratio, over_time.equivalent, over_time.area)),
+        ]
         for leak in over_time.leak.values():
             row += [_leak(leak, k), *(_interval(leak, k) for _ in intervals)]
             if several:

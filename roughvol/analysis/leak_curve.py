@@ -207,19 +207,21 @@ def closings(run: Dataset, axis: str, load: str) -> list[tuple[str, Span, Datase
 
     The run has surfaces of one kind with the ways of `derived.derived`; the load is a variable of it.
     """
-    found = [[(name, one, spans(one.expand_dims("seed"), way, load)) for name, one in surfaces(run)] for way in AXES]
-    own = [(name, span, one) for name, one, some in found[AXES.index(axis)] for span in some]
+    found = [
+        [(name, table, spans(table.expand_dims("seed"), way, load)) for name, table in surfaces(run)] for way in AXES
+    ]
+    own = [(name, span, table) for name, table, some in found[AXES.index(axis)] for span in some]
     patch = patch_of(run)
     if patch is None or not own:
         return own
-    isotropic = is_isotropic([ratios(one) for _, one in surfaces(run)])
+    isotropic = is_isotropic([ratios(table) for _, table in surfaces(run)])
     ends = []
     for end in ("open_up_to", "closed_from"):
         loads_of = [[min(getattr(some[0], end), ENDLESS) for _, _, some in way] for way in found]
         values = np.transpose(loads_of)[:, np.newaxis, :: 1 if axis == "x" else -1]
         closes = closing_of(values, patch.patches, isotropic=isotropic).value
         ends.append(closes if closes < ENDLESS else math.inf)
-    return [(SEAL, Span(*ends), max((one for _, _, one in own), key=lambda one: float(one[load].max())))]
+    return [(SEAL, Span(*ends), max((table for _, _, table in own), key=lambda table: float(table[load].max())))]
 
 
 def curves(run: Dataset, axis: str) -> list[Curve]:
@@ -256,27 +258,27 @@ def _of_seal(run: Dataset, patch: Patch) -> Curve:
     of patches. The same patches are drawn at all steps.
     """
     ways = {axis: _of_surfaces(run, axis) for axis in AXES}
-    each = [one for some in ways.values() for one in some]
-    low, high = max(one.begins for one in each), min(one.ends for one in each)
-    longest = max(ways[patch.seal.flow], key=lambda one: one.pressure[-1])
+    each = [curve for some in ways.values() for curve in some]
+    low, high = max(curve.begins for curve in each), min(curve.ends for curve in each)
+    longest = max(ways[patch.seal.flow], key=lambda curve: curve.pressure[-1])
     kept = (longest.pressure >= low * (1.0 - REACHED)) & (longest.pressure <= high * (1.0 + REACHED))
     steps = longest.pressure[kept]
     inner = steps[(steps > low * (1.0 + REACHED)) & (steps < high * (1.0 - REACHED))]
     pressure = np.array([low, *inner, *([high] if low < high < math.inf else [])])
-    leaks = np.stack([[one.at(pressure).value for one in ways[axis]] for axis in AXES], axis=-1)
+    leaks = np.stack([[curve.at(pressure).value for curve in ways[axis]] for axis in AXES], axis=-1)
     values = np.moveaxis(patch.conductances(leaks, in_units=True), 1, 0)[:, :, np.newaxis]
-    isotropic = is_isotropic([ratios(one) for _, one in surfaces(run)])
+    isotropic = is_isotropic([ratios(table) for _, table in surfaces(run)])
     found = [conductance_of(some, patch.patches, isotropic=isotropic, draws=FEW_DRAWS).value for some in values]
     starred = longest.starred[-1] / longest.pressure[-1]
-    Sq = float(np.mean([one.Sq for one in ways[patch.seal.flow]]))
+    Sq = float(np.mean([curve.Sq for curve in ways[patch.seal.flow]]))
     return Curve(SEAL, pressure, np.array(found) * patch.squares, pressure * starred, Sq)
 
 
 def surfaces(run: Dataset) -> list[tuple[str, Dataset]]:
     """Return the surfaces of a run at one D, one m and one value of each list, by file or seed, along the first leg."""
-    one = run.squeeze([name for name in LISTED if name in run.dims])
+    table = run.squeeze([name for name in LISTED if name in run.dims])
     found = []
-    for label, group in groups(first_leg(one)):
+    for label, group in groups(first_leg(table)):
         for place in range(group.sizes["seed"]):
             surface = group.isel(seed=place)
             found.append((label if "case" in run.dims else f"seed {int(surface['seed'])}", surface))

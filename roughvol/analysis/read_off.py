@@ -155,7 +155,7 @@ def ask(
         load = curve.load_where(log_wanted) if own is None else _load_with_errors(curve, log_wanted, own)
         return _Needed(curve.surface, load, curve.pressure, curve.starred, curve.Sq, own)
 
-    return [_answer(run, axis, [needed(one, axis) for one in curves(run, axis)], unknown, at) for axis in axes(run)]
+    return [_answer(run, axis, [needed(curve, axis) for curve in curves(run, axis)], unknown, at) for axis in axes(run)]
 
 
 def _load_with_errors(curve: Curve, log_wanted: Callable[[Array], Array], errors: Errors) -> LoadReading:
@@ -207,7 +207,7 @@ def check(run: Dataset, *, leaks: bool = True) -> None:
     several = [dim for dim in ONE_OF_EACH if run.sizes.get(dim, 1) > 1]
     if several:
         name, study = several[0], _study(run)
-        axis = next((one for one in (study.axes if study else ()) if one.name == name), Axis(name, ()))
+        axis = next((listed for listed in (study.axes if study else ()) if listed.name == name), Axis(name, ()))
         held = ", ".join(axis.words(value).removeprefix(f"{name} = ") for value in run[name].values.tolist())
         refuse(f"the run has several {name} ({held}); allowed: surfaces of one kind at one value of each key")
 
@@ -291,13 +291,15 @@ def narrower(run: Dataset, answers: Sequence[Answer]) -> list[str]:
     """
     nominal = [answer.nominal for answer in answers if answer.found]
     unit = str(run["nominal_pressure"].attrs["units"]) if "nominal_pressure" in run else ""
-    nominal = [one for one in nominal if one.low < one.high]
-    found = sorted({float(f"{load:.5g}") for one in nominal for load in np.geomspace(one.low, one.high, AROUND)})
+    nominal = [reading for reading in nominal if reading.low < reading.high]
+    found = sorted(
+        {float(f"{load:.5g}") for reading in nominal for load in np.geomspace(reading.low, reading.high, AROUND)}
+    )
     text = str(run.attrs.get("study", ""))
     if not found:
         return []
     listed = ", ".join(f"{load:g} {unit}".strip() for load in found)
-    closed = all(one.closing for one in nominal) and closing.SOLVED not in run
+    closed = all(reading.closing for reading in nominal) and closing.SOLVED not in run
     change = "record.transport.closing=true" if closed else f"sweep={{pressures: [{listed}]}}"
     try:
         changes = [f"name={loads(text, stored=True).name}_closer", change]
@@ -413,8 +415,8 @@ def _answer(run: Dataset, axis: str, needed: list[_Needed], unknown: str, pressu
     """Return the answer of the surface that needs the largest load."""
     if not needed:
         refuse(f"the run has no stored leak along {axis}")
-    decides = max(needed, key=lambda one: (one.load.value, one.load.low, one.load.high))
-    low, high = (max(getattr(one.load, end) for one in needed) for end in ("low", "high"))
+    decides = max(needed, key=lambda surface: (surface.load.value, surface.load.low, surface.load.high))
+    low, high = (max(getattr(surface.load, end) for surface in needed) for end in ("low", "high"))
     nominal = LoadReading(decides.load.value, low, high, decides.load.closing)
     between, steps = (_around(decides, nominal.value, along) for along in (decides.starred, decides.pressure))
     load_unit = str(run[closing.load_of(run)].attrs.get("units", "1"))
@@ -438,8 +440,8 @@ def _modulus(run: Dataset) -> tuple[float, str]:
     return study.material.contact_modulus, study.material.unit or ""
 
 
-def _around(one: _Needed, at: float, loads: Array) -> tuple[float, float]:
+def _around(surface: _Needed, at: float, loads: Array) -> tuple[float, float]:
     """Return the loads of the steps around a nominal pressure; 0 before the first step, infinite beyond the last."""
-    k = int(np.searchsorted(one.pressure, at * (1.0 - 1e-12)))
+    k = int(np.searchsorted(surface.pressure, at * (1.0 - 1e-12)))
     low = float(loads[k - 1]) if k else 0.0
     return low, float(loads[k]) if k < loads.size else math.inf

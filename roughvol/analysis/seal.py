@@ -88,8 +88,8 @@ def is_isotropic(scans: Sequence[Array]) -> bool:
 
     A scan has numbers along two axes, shape (numbers, 2), as at several loads. Closed ones (0) and NaN are left out.
     """
-    logs = (np.log(one[(one > 0.0).all(axis=1)]) for one in scans)
-    ratios = np.array([np.mean(one[:, 0] - one[:, 1]) for one in logs if len(one)])
+    logs = (np.log(scan[(scan > 0.0).all(axis=1)]) for scan in scans)
+    ratios = np.array([np.mean(log[:, 0] - log[:, 1]) for log in logs if len(log)])
     return ratios.size > 1 and bool(abs(ratios.mean()) <= ERRORS * ratios.std(ddof=1) / math.sqrt(ratios.size))
 
 
@@ -99,8 +99,8 @@ def is_representative(heights: Sequence[Surface]) -> bool:
     Their share of the variance, mean over the maps, is at most `LONGEST` times that of the highest octave.
     docs/explanation/notes/seal.md has how often this is so, with a roll-off and without.
     """
-    found = [octaves(one) for one in heights]
-    mean = np.mean([one[:, : min(one.shape[1] for one in found)] for one in found], axis=0)
+    found = [octaves(surface) for surface in heights]
+    mean = np.mean([shares[:, : min(shares.shape[1] for shares in found)] for shares in found], axis=0)
     return bool(np.all(mean[:, 0] <= LONGEST * mean.max(axis=1)))
 
 
@@ -151,11 +151,11 @@ def drawn(
     n, m = patches
     if n > ROW:
         side = math.ceil(n / ROW)
-        one, other = (
+        first, second = (
             drawn(*pools, (side, side), of, together, draws, seed + k)
             for k, pools in ((1, (along, across)), (2, (across, along)))
         )
-        return drawn(one, other, (round(n / side), max(1, round(m / side))), of, together, draws, seed)
+        return drawn(first, second, (round(n / side), max(1, round(m / side))), of, together, draws, seed)
     if min(along.min(), across.min()) == max(along.max(), across.max()):
         return np.full(draws, along[0])
     rng, ring = np.random.default_rng(seed), m > 2 * RING
@@ -304,9 +304,9 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
             median(patch, some, isotropic=alike, draws=draws) if one_load else math.nan
             for some, one_load in zip(states_of, have_one, strict=True)
         ]
-        one = leaks.isel(axis=0, drop=True).copy()
-        one.values = np.broadcast_to(np.reshape(values, (-1, 1) if several else (1,)), one.shape)
-        found[LEAKS[name]] = one.assign_attrs(symbol=QUANTITIES[LEAKS[name]].symbol, seal=words, sheets=draws)
+        median_leaks = leaks.isel(axis=0, drop=True).copy()
+        median_leaks.values = np.broadcast_to(np.reshape(values, (-1, 1) if several else (1,)), median_leaks.shape)
+        found[LEAKS[name]] = median_leaks.assign_attrs(symbol=QUANTITIES[LEAKS[name]].symbol, seal=words, sheets=draws)
     return states.assign(found)
 
 

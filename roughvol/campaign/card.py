@@ -50,7 +50,7 @@ def surfaces_of(study: Study) -> dict[str, Study]:
     surface = study.surface
     if not isinstance(surface, HeightFile) or len(surface.each) == 1:
         return {"": study}
-    files = [Path(one.file) for one in surface.each]
+    files = [Path(scan.file) for scan in surface.each]
     return {file.name: study.changed(**{"surface.file": str(file), "surface.files": None}) for file in files}
 
 
@@ -71,7 +71,7 @@ def plan(study: Study, at: Level, together: Sequence[Level] = ()) -> Plan:
         raise StudyError(problems)
     if study.seal is not None:
         _check_seal(study, study.seal)
-    levels = [_recordable(study, one) for one in (at, *together)]
+    levels = [_recordable(study, level) for level in (at, *together)]
     level = levels[0]
     try:
         fine = Planned("", _changed(study, levels, {}, fine=True), level)
@@ -100,7 +100,7 @@ def plan(study: Study, at: Level, together: Sequence[Level] = ()) -> Plan:
 
 def loads_together(at: Level, loads: Sequence[Level]) -> list[Level]:
     """Return the loads that are recorded in the runs of a load: those of its kind, as pressures; ``last`` is alone."""
-    return [at] if at.kind == "last" else [one for one in loads if one.kind == at.kind]
+    return [at] if at.kind == "last" else [load for load in loads if load.kind == at.kind]
 
 
 def _check_seal(study: Study, seal: Seal) -> None:
@@ -137,8 +137,8 @@ def _of_level(error: StudyError, at: Level) -> list[Problem]:
     found = {}
     for problem in error.problems:
         of_card = (problem.key or "").startswith(RECORDED)
-        one = Problem(f"--at {at.label}: {problem.message}") if of_card else problem
-        found[one.message] = one
+        shown = Problem(f"--at {at.label}: {problem.message}") if of_card else problem
+        found[shown.message] = shown
     return list(found.values())
 
 
@@ -157,11 +157,12 @@ def _at_equal_pressure(study: Study, levels: Sequence[Level], keys: Mapping[str,
     """Return the study with another surface, at the same nominal pressures p = p* E* Sq/L."""
     if not isinstance(study.surface, HeightFile):
         return Planned(words, _changed(study, levels, keys), levels[0])
-    surface, other = (surface_of(one.cases()[0]) for one in (study, _changed(study, levels, keys)))
-    ratio = (surface.unit / surface.side) / (other.unit / other.side)
+    surface, changed = (surface_of(some.cases()[0]) for some in (study, _changed(study, levels, keys)))
+    ratio = (surface.unit / surface.side) / (changed.unit / changed.side)
     if levels[0].kind == "pressure":
         levels = [
-            one if isinstance(one.value, Quantity) else replace(one, value=(one.value or 0.0) * ratio) for one in levels
+            level if isinstance(level.value, Quantity) else replace(level, value=(level.value or 0.0) * ratio)
+            for level in levels
         ]
     return Planned(words, _changed(study, levels, keys, pressures=ratio), levels[0])
 
@@ -176,7 +177,7 @@ def _changed(
     """
     data = study.model_dump(mode="json")
     recorded, legs = data["record"], study.sweep.legs
-    values = [str(one.value) if isinstance(one.value, Quantity) else one.value for one in levels]
+    values = [str(level.value) if isinstance(level.value, Quantity) else level.value for level in levels]
     distinct = sorted(set(values), key=str)
     wanted: Any = "last" if values[0] is None else {levels[0].kind: distinct if len(distinct) > 1 else values[0]}
     given = (recorded.get("transport") or {}).get("accuracy")
@@ -232,16 +233,16 @@ def compute(
         message = "a card shows one combination; allowed: one value in place of each list"
         raise StudyError([Problem(f"{axis.name}: {message}") for axis in study.axes])
     planned = plan(study, at, together)
-    loads = slug(" ".join(sorted({one.label for one in (at, *together)})))
+    loads = slug(" ".join(sorted({level.label for level in (at, *together)})))
 
-    def pressed(one: Planned) -> Pressed:
-        inside = folder / loads / slug(one.words or FINE)
-        results = execution.run(one.study, jobs=jobs, fresh=fresh, out=inside, on_event=on_event, stopping=stopping)
-        return Pressed(one.words, results, one.level)
+    def pressed(grid: Planned) -> Pressed:
+        inside = folder / loads / slug(grid.words or FINE)
+        results = execution.run(grid.study, jobs=jobs, fresh=fresh, out=inside, on_event=on_event, stopping=stopping)
+        return Pressed(grid.words, results, grid.level)
 
     fine = pressed(planned.fine)
     accept(fine)
-    coarser = tuple(pressed(one) for one in planned.coarser)
+    coarser = tuple(pressed(grid) for grid in planned.coarser)
     return CardRuns(fine, coarser, pressed(planned.levelled) if planned.levelled is not None else None)
 
 

@@ -48,7 +48,7 @@ def amount(leak: float, unit: str, interval: tuple[float, float] = (math.nan, ma
     factor, volume, time = _said(leak, unit)
     value, *ends = (factor * number for number in (leak, *interval))
     known = all(map(math.isfinite, ends))
-    words, *limits = (rounded(one, *ends) if known else number(one, 2) for one in (value, *ends))
+    words, *limits = (rounded(leak, *ends) if known else number(leak, 2) for leak in (value, *ends))
     between = f", between {limits[0]} and {limits[1]}" if known else ""
     if not unit:
         return f"T* V*³ = {words}{between}"
@@ -128,7 +128,7 @@ def _tight_above(load: float, ends: tuple[float, float], unit: str, mean: str = 
     name, unit = ("", f" {unit}") if unit else ("p* = ", "")
     if not all(map(math.isfinite, ends)):
         return f"tight above {name}{number(load, 2)}{unit}{mean}, its error is not known {unknown}".rstrip()
-    value, low, high = (rounded(one, *ends) for one in (load, *ends))
+    value, low, high = (rounded(end, *ends) for end in (load, *ends))
     return f"tight above {name}{value}{unit}{mean}, between {low} and {high}"
 
 
@@ -184,9 +184,11 @@ def surfaces(card: Card) -> Table:
     flow = in_brackets(card.ways[0].unit) or " T* V*³"
     leaks, closings = [f"leak {way.axis}{flow}" for way in card.ways], [f"{way.axis} closes" for way in card.ways]
     rows = []
-    for one in card.surfaces:
-        values = (number(getattr(one, name)) for name in numbers.values())
-        rows.append((one.name, *values, *map(short, one.leaks), *(closing.short for closing in one.closings)))
+    for surface in card.surfaces:
+        values = (number(getattr(surface, name)) for name in numbers.values())
+        rows.append(
+            (surface.name, *values, *map(short, surface.leaks), *(closing.short for closing in surface.closings))
+        )
     return Table("Surfaces", ("surface", *numbers, *leaks, *closings), tuple(rows))
 
 
@@ -230,7 +232,7 @@ def load_facts(card: Card) -> Iterator[tuple[str, str]]:
     yield "Contact area A*", f"{mean}{number(card.mean('contact_area'))}"
     gap = ""
     if card.length_unit:
-        lengths = [one.free_volume * one.Sq for one in card.surfaces if math.isfinite(one.free_volume)]
+        lengths = [surface.free_volume * surface.Sq for surface in card.surfaces if math.isfinite(surface.free_volume)]
         gap = f", {number(sum(lengths) / len(lengths))} {unit_text(card.length_unit)}" if lengths else ""
     dry = ", of the dry gap" if card.lifted else ""
     yield "Mean gap V*", f"{mean}{number(card.mean('free_volume'))} σ{gap}{dry}"
@@ -251,26 +253,26 @@ def _words(load: str) -> str:
     return load.replace("last", "the end of the sweep", 1).replace("the end of the sweep, leg", "the end of leg", 1)
 
 
-def seal(one: SealLeak) -> str:
+def seal(of_seal: SealLeak) -> str:
     """Return a seal, its leak and the load that closes it, in words that follow "the seal"."""
-    most = one.interval[1]
-    if not math.isfinite(one.leak):
+    most = of_seal.interval[1]
+    if not math.isfinite(of_seal.leak):
         leaks = "has no known leak: no surface is pressed to this load"
-    elif one.leak > 0.0:
-        leaks = f"leaks {amount(one.leak, one.unit, one.interval)}"
+    elif of_seal.leak > 0.0:
+        leaks = f"leaks {amount(of_seal.leak, of_seal.unit, of_seal.interval)}"
     else:
         bounded = math.isfinite(most) and most > 0.0
-        leaks = "is closed" + (f", and leaks at most {amount(most, one.unit)}" if bounded else "")
-    unknown = "" if all(map(math.isfinite, one.interval)) else "; its error is not known"
+        leaks = "is closed" + (f", and leaks at most {amount(most, of_seal.unit)}" if bounded else "")
+    unknown = "" if all(map(math.isfinite, of_seal.interval)) else "; its error is not known"
     closing = "the load that closes it is not known"
-    if math.isfinite(one.closing):
-        closing = _tight_above(one.closing, one.closing_interval, one.load_unit)
-    return f"of {one.label} {leaks}{unknown}; {closing}"
+    if math.isfinite(of_seal.closing):
+        closing = _tight_above(of_seal.closing, of_seal.closing_interval, of_seal.load_unit)
+    return f"of {of_seal.label} {leaks}{unknown}; {closing}"
 
 
 def patch(card: Card) -> str:
     """Return of which patch the leaks are, in a sentence."""
-    sizes = {_size(one.table, card.length_unit) for one in card.surfaces}
+    sizes = {_size(surface.table, card.length_unit) for surface in card.surfaces}
     each = "each surface" if len(card.surfaces) > 1 else "the surface"
     region = str(card.surfaces[0].table.attrs.get("region", ""))
     inside = f", observed in its region {region}" if region not in WHOLE else ""

@@ -126,8 +126,8 @@ def _family(card: Card) -> Family:
     """Return loads and leaks along the steps of the first leg, surfaces along seed; under fluid pressure dry leaks."""
     dry = "_dry" if card.lifted else ""
     tables = []
-    for one in card.surfaces:
-        table = first_leg(one.table)
+    for surface in card.surfaces:
+        table = first_leg(surface.table)
         rate, starred = f"leak_rate{dry}", table[f"transmissivity{dry}"] * table["free_volume"] ** 3
         leak = table[rate] if rate in table and card.ways[0].unit else starred
         kept = [name for name in (*LOADS, SOLVED) if name in table]
@@ -154,27 +154,29 @@ def _load_label(card: Card) -> str:
 
 def _shown(card: Card) -> SurfaceAtLoad | None:
     """Return the first surface with fields at the load: an open one if there is any."""
-    kept = [one for one in card.surfaces if "gap" in one.table and bool(_state(one)["gap"].notnull().any())]
-    return max(kept, key=lambda one: one.leaks[0] > 0.0, default=None)
+    kept = [
+        surface for surface in card.surfaces if "gap" in surface.table and bool(_state(surface)["gap"].notnull().any())
+    ]
+    return max(kept, key=lambda surface: surface.leaks[0] > 0.0, default=None)
 
 
-def _state(one: SurfaceAtLoad) -> Dataset:
-    return one.table.sel(field_at=one.recorded, flux_at=one.recorded)
+def _state(surface: SurfaceAtLoad) -> Dataset:
+    return surface.table.sel(field_at=surface.recorded, flux_at=surface.recorded)
 
 
 def _flux_map(ax: Axes, card: Card) -> None:
     """Draw the flux along x over its mean on one surface, and the contact."""
-    one = _shown(card)
-    assert one is not None
-    state = _state(one).sel(axis="x")
+    surface = _shown(card)
+    assert surface is not None
+    state = _state(surface).sel(axis="x")
     flux, gap = (state[name].transpose("x", "y").values for name in ("flux", "gap"))
     if card.lifted:
-        gap = state.sel({STATE: one.recorded})["fluid_gap"].transpose("x", "y").values
+        gap = state.sel({STATE: surface.recorded})["fluid_gap"].transpose("x", "y").values
         inside = np.isfinite(flux)
         whole = bool(inside[np.isfinite(gap)].all())
         rows, columns = (np.flatnonzero(inside.any(axis=other)) for other in (1, 0))
         window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        along = conduction(gap[window], 0, periodic=whole and "periodic" in one.table.attrs).flux
+        along = conduction(gap[window], 0, periodic=whole and "periodic" in surface.table.attrs).flux
         flux = np.full(gap.shape, np.nan)
         flux[window] = np.hypot(*along)
     mean = np.nanmean(flux)
@@ -220,11 +222,11 @@ def _closings(ax: Axes, card: Card) -> None:
     for order, (way, look) in enumerate(zip(card.ways, looks(2), strict=True)):
         for row, closing in enumerate([way.closing, *(closing for _, closing in way.coarser)]):
             place, known = row + 0.2 - 0.4 * order, math.isfinite(closing.interval[1])
-            bars = [closing.interval] if known else [(one.open_up_to, one.closed_from) for one in closing.closed]
+            bars = [closing.interval] if known else [(span.open_up_to, span.closed_from) for span in closing.closed]
             for low, high in bars:
                 ax.barh(place, high - low, left=low, height=0.3, color=look["color"], alpha=1.0 / len(bars) ** 0.5)
             if closing.closed:
-                middle = float(np.mean([(one.open_up_to + one.closed_from) / 2.0 for one in closing.closed]))
+                middle = float(np.mean([(span.open_up_to + span.closed_from) / 2.0 for span in closing.closed]))
                 mark = {"marker": "|", "ms": 12.0, "mew": 2.0, "color": look["color"], "ls": ""}
                 ax.plot([middle], [place], label=f"along {way.axis}", **mark)
     if math.isfinite(at := _load(card)):
