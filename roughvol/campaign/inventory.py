@@ -102,7 +102,7 @@ def siblings_of(folder: Path) -> list[Path]:
     if own.parent.name != ROOT:
         return []
     with contextlib.suppress(OSError):
-        return sorted(one for one in own.parent.iterdir() if one != own and (one / "cases").is_dir())
+        return sorted(folder for folder in own.parent.iterdir() if folder != own and (folder / "cases").is_dir())
     return []
 
 

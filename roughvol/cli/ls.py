@@ -20,11 +20,11 @@ def ls(folder: Path, as_json: bool) -> None:
     """List all runs in FOLDER [default: runs], the latest first: name, state, size, age."""
     found = roughvol.runs(folder)
     if as_json:
-        rows = [{"run": one.name, "state": one.state, "bytes": one.size, "seconds": round(one.age)} for one in found]
+        rows = [{"run": run.name, "state": run.state, "bytes": run.size, "seconds": round(run.age)} for run in found]
         say_json({"folder": str(folder), "units": {"bytes": "byte", "seconds": "s"}, "rows": rows})
         return
     if not found:
         say(f"no run in {folder}; start one with: roughvol run STUDY")
         return
-    lines = [(one.name, one.state, size(one.size), f"{duration(one.age)} ago") for one in found]
+    lines = [(run.name, run.state, size(run.size), f"{duration(run.age)} ago") for run in found]
     say(terminal.aligned(("run", "state", "size", "changed"), lines))

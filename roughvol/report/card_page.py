@@ -87,8 +87,10 @@ def brief(page: Page) -> Section:
     """Return a card for a terminal: load, leaks with their errors, and warnings."""
     card = page.card
     length = f" {card.length_unit}" if card.length_unit else ""
-    sizes = (f"Sq {card_text.short(one.Sq)}{length}, Sdq {card_text.short(one.Sdq)}" for one in card.surfaces)
-    surfaces = [("Surface", f"{one.name}, {size}") for one, size in zip(card.surfaces, sizes, strict=True)]
+    sizes = (
+        f"Sq {card_text.short(surface.Sq)}{length}, Sdq {card_text.short(surface.Sdq)}" for surface in card.surfaces
+    )
+    surfaces = [("Surface", f"{surface.name}, {size}") for surface, size in zip(card.surfaces, sizes, strict=True)]
     found, _, exceeded = card_text.rests_on(page.fine)
     facts = (*surfaces, *card_text.load_facts(card), *(fact for fact in found if fact[0] in card_text.FLUID))
     ways = (_way(f"along {way.axis}: {card_text.answer(card, way)}", card, way) for way in card.ways)

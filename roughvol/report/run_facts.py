@@ -191,7 +191,7 @@ def _surfaces(run: Run) -> Iterator[Table]:
     columns = {f"Sq [{ds.attrs.get('length_unit', 'length')}]": "Sq", "Sdq": "Sdq"}
     columns |= {"filled share": "filled_fraction"} if measured else {}
     held = {head: name for head, name in columns.items() if name in ds}
-    rows = [(*labels, *(_range(one[name].values) for name in held.values())) for labels, one in _labelled(run)]
+    rows = [(*labels, *(_range(part[name].values) for name in held.values())) for labels, part in _labelled(run)]
     heads = ("file", "nodes") if measured else ("D", "m", "nodes")
     yield Table("Surfaces", (*heads, *held), tuple(rows), "" if measured else "Mean over surfaces, and their range.")
 
@@ -201,8 +201,8 @@ def _labelled(run: Run) -> Iterator[tuple[tuple[str, ...], Dataset]]:
     ds = run.dataset
     if "case" in ds.dims:
         for place, name in enumerate(ds["case"].values.tolist()):
-            one = ds.isel(case=place)
-            yield (str(name), " x ".join(str(int(one[key])) for key in ("nodes_x", "nodes_y") if key in one)), one
+            case = ds.isel(case=place)
+            yield (str(name), " x ".join(str(int(case[key])) for key in ("nodes_x", "nodes_y") if key in case)), case
         return
     for D, m in itertools.product(run.D, run.m):
         some = ds.sel(D=D, m=m)

@@ -54,9 +54,9 @@ def whole(results: Dataset) -> Dataset:
     """Return a dataset with the dimensions of all lists and surfaces; a `DatasetError` if it lacks those of a state."""
     for name, least in (("step", 1), ("axis", 2)):
         if name in results.coords and results.sizes.get(name, 0) < least:
-            one = np.atleast_1d(results[name].values)[0]
-            kept = "both axes" if name == "axis" else f"the dimension kept, as .sel(step=[{one}])"
-            raise DatasetError(f"the dataset has {name} {one} alone; allowed: {kept}")
+            label = np.atleast_1d(results[name].values)[0]
+            kept = "both axes" if name == "axis" else f"the dimension kept, as .sel(step=[{label}])"
+            raise DatasetError(f"the dataset has {name} {label} alone; allowed: {kept}")
     full = results.expand_dims(chosen(results))
     if "mean_pressure" in full and "step" in full.dims:
         surfaces = next((full.sizes[name] for name in ("case", "seed") if name in full.dims), 0)
@@ -94,9 +94,9 @@ def parts_of(results: Dataset) -> list[Part]:
             continue
         others = tuple(ending for words, ending in endings.items() if words != variant.words)
         lines = [line.removesuffix(endings[variant.words]) for line in warnings if not line.endswith(others)]
-        one = results.sel(labels).drop_vars(held)
-        one = one.assign_attrs(study=variant.study.stored(), warnings="\n".join(lines))
-        found.append(Part(variant.words, labels, one))
+        part = results.sel(labels).drop_vars(held)
+        part = part.assign_attrs(study=variant.study.stored(), warnings="\n".join(lines))
+        found.append(Part(variant.words, labels, part))
     if not found:
         raise DatasetError(f"the study of the dataset has no combination with its values of {', '.join(held)}")
     return found

@@ -31,10 +31,10 @@ def ensemble_cost(ds: Dataset) -> Drawing:
     levels = ds["m"].values
     counts = ds["ensemble_samples"].transpose("D", "m").values
     for order, (D, samples, look) in enumerate(zip(dimensions, counts, looks(len(dimensions)), strict=True)):
-        one, line = ds.sel(D=D), LINES[order % len(LINES)]
+        of_D, line = ds.sel(D=D), LINES[order % len(LINES)]
         left.plot(levels, samples, ls=line, label=f"$D = {D:g}$", **look)
-        middle.plot(levels, samples * one["ensemble_sample_cost"].values, ls=line, **look)
-        _draw_intervals(right, one, line, look)
+        middle.plot(levels, samples * of_D["ensemble_sample_cost"].values, ls=line, **look)
+        _draw_intervals(right, of_D, line, look)
     left.set(xlabel="$m$", ylabel="samples", xticks=levels, yscale="log")
     middle.set(xlabel="$m$", ylabel="cost of the level [s]", xticks=levels, yscale="log")
     right.set(xlabel="cost [s]", ylabel="half-width of the interval [%]", xscale="log", yscale="log")
@@ -50,14 +50,14 @@ def ensemble_cost(ds: Dataset) -> Drawing:
     return fig
 
 
-def _draw_intervals(ax: Any, one: Dataset, line: Any, look: dict[str, Any]) -> None:
+def _draw_intervals(ax: Any, of_D: Dataset, line: Any, look: dict[str, Any]) -> None:
     """Draw the half-width of one D against cost, that of plain Monte Carlo, and the request."""
-    name, at = _farthest(one)
-    state = one.sel(ensemble_at=at)
+    name, at = _farthest(of_D)
+    state = of_D.sel(ensemble_at=at)
     percent = 100.0 / abs(float(state[f"{name}_mean"]))
-    cost = one["ensemble_round_cost"].values
+    cost = of_D["ensemble_round_cost"].values
     ax.plot(cost, percent * state[f"{name}_round_half_width"].values, ls=line, **look)
-    end = max(float(np.nanmax(cost)), float(one["ensemble_plain_cost"]))
+    end = max(float(np.nanmax(cost)), float(of_D["ensemble_plain_cost"]))
     plain_cost = np.geomspace(np.nanmin(cost), end, 9)
     ax.plot(plain_cost, percent * _plain_half_width(state, name, plain_cost), ls=":", lw=0.8, color=look["color"])
     ax.axhline(percent * float(state[f"{name}_accuracy_asked"]), lw=0.5, color=GREY, zorder=0)
@@ -79,13 +79,13 @@ def _steps(axis: Any) -> tuple[float, ...]:
     return (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
 
 
-def _farthest(one: Dataset) -> tuple[str, str]:
+def _farthest(of_D: Dataset) -> tuple[str, str]:
     """Return the mean of one D, by its stored name and state, whose interval is widest for its accuracy."""
     ratios = {}
-    for name in (str(name).removesuffix("_accuracy_asked") for name in one if str(name).endswith("_accuracy_asked")):
-        half = 0.5 * (one[f"{name}_interval"].sel(bound="upper") - one[f"{name}_interval"].sel(bound="lower"))
-        for at in one["ensemble_at"].values.tolist():
-            ratio = float(half.sel(ensemble_at=at) / one[f"{name}_accuracy_asked"].sel(ensemble_at=at))
+    for name in (str(name).removesuffix("_accuracy_asked") for name in of_D if str(name).endswith("_accuracy_asked")):
+        half = 0.5 * (of_D[f"{name}_interval"].sel(bound="upper") - of_D[f"{name}_interval"].sel(bound="lower"))
+        for at in of_D["ensemble_at"].values.tolist():
+            ratio = float(half.sel(ensemble_at=at) / of_D[f"{name}_accuracy_asked"].sel(ensemble_at=at))
             if np.isfinite(ratio):
                 ratios[name, at] = ratio
     return max(ratios, key=ratios.__getitem__)

@@ -94,7 +94,9 @@ def figures_of(
         for name, row in tables[module.__name__.rpartition(".")[2]].items():
             sentences = [row.pop("caption"), *(tables["shared"][key] for key in row.pop("shared", ()))]
             caption = " ".join(sentences) + (BAND if row.pop("band", False) else "")
-            given: dict[str, Any] = {key: tuple(one) if isinstance(one, list) else one for key, one in row.items()}
+            given: dict[str, Any] = {
+                key: tuple(value) if isinstance(value, list) else value for key, value in row.items()
+            }
             given["cases"] = CASES[given.get("cases", "by_D")]
             found[name] = kind(getattr(module, name), caption, refuse=refusals.get(name), **given)
     return found

@@ -78,7 +78,7 @@ def way(load: Array, value: Array) -> Way:
 
 def ways(family: Family, x: str, name: str, direction: str) -> list[Way]:
     """Return a flow along a direction against x, one way for each surface that has any state."""
-    return [one for one in _every_way(family, x, name, direction) if one.known]
+    return [states for states in _every_way(family, x, name, direction) if states.known]
 
 
 def _every_way(family: Family, x: str, name: str, direction: str) -> list[Way]:
@@ -92,7 +92,9 @@ def _every_way(family: Family, x: str, name: str, direction: str) -> list[Way]:
     if x not in LOADS or is_lifted(family.data):  # under fluid pressure the solved loads are those of the dry gap
         return found
     ends = solved_loads(family.data, direction, x)
-    return [one._replace(closed=end) if math.isfinite(end) else one for one, end in zip(found, ends, strict=True)]
+    return [
+        states._replace(closed=end) if math.isfinite(end) else states for states, end in zip(found, ends, strict=True)
+    ]
 
 
 def _recorded_loads(ds: Dataset, x: str) -> Array | None:
@@ -136,7 +138,7 @@ def ratios(family: Family, x: str, over: DataArray, direction: str) -> list[Way]
     over = over.where(flow(family.data, "transmissivity", direction) > 0.0)
     loads, values = (part.transpose("seed", "step").values for part in (family.data[x], over))
     whole = _every_way(family, x, "transmissivity", direction)
-    members = [way(*pair)._replace(closed=one.closed) for *pair, one in zip(loads, values, whole, strict=True)]
+    members = [way(*pair)._replace(closed=shown.closed) for *pair, shown in zip(loads, values, whole, strict=True)]
     return [member for member in members if member.known]
 
 

@@ -80,12 +80,12 @@ class Table(Strict):
         if len(given) != len(self.times):
             refuse("needs one value for each time")
         seconds = [_seconds(time) for time in self.times]
-        if any(later <= one for one, later in itertools.pairwise(seconds)):
+        if any(later <= earlier for earlier, later in itertools.pairwise(seconds)):
             refuse("times must rise")
         if self.ratios is not None and self.ratios[0] < 1.0:
             refuse("ratios are J(t)/J(0), which is 1 at once; allowed: >= 1")
         values = given if self.ratios is not None else [-in_unit(value, "Pa") for value in given]
-        if any(later < one for one, later in itertools.pairwise(values)):
+        if any(later < earlier for earlier, later in itertools.pairwise(values)):
             refuse("the compliance must not fall: the contact would recede")
         return self
 
@@ -250,7 +250,7 @@ def read_times(times: Any) -> list[float]:
     except ValueError as error:
         message = f"times are {text!r}; allowed: a range as '1 s..10 day', or a list as '1 s, 1 h' ({error})"
         raise StudyError([Problem(message)]) from error
-    if min(given) <= 0.0 or any(later <= one for one, later in itertools.pairwise(given)):
+    if min(given) <= 0.0 or any(later <= earlier for earlier, later in itertools.pairwise(given)):
         raise StudyError([Problem(f"times are {text!r}; allowed: > 0, rising")])
     if not dots:
         return given
