@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
@@ -59,12 +60,20 @@ def complete(folder: Path, cases: Mapping[str, Case], stopping: Callable[[], boo
 
 
 def stored(folder: Path, study: Study, ids: Iterable[str]) -> Dataset | None:
-    """Return ``study.nc`` if it has this study and these cases."""
+    """Return ``study.nc`` if it has this study and these cases, in any order."""
     with contextlib.suppress(DatasetError):
         results = dataset.read(folder / "study.nc")
-        if results.attrs.get("study") == study.stored() and results.attrs.get("case_ids") == provenance.ids_text(ids):
+        held = json.loads(results.attrs.get("case_ids", "[]"))
+        if results.attrs.get("study") == study.stored() and sorted(held) == sorted(ids):
             return results
     return None
+
+
+def renewed(folder: Path, results: Dataset) -> Dataset:
+    """Return the results of ``study.nc`` and make this file newer than the study file, for make."""
+    with contextlib.suppress(OSError):
+        os.utime(folder / "study.nc")
+    return results
 
 
 def of_run(
@@ -73,9 +82,7 @@ def of_run(
     """Return ``study.nc``, made from the cases ``again`` or where it is not up to date."""
     path = folder / "study.nc"
     if not again and (results := stored(folder, study, cases)) is not None:
-        with contextlib.suppress(OSError):
-            os.utime(path)  # newer than the study file, for make
-        return results
+        return renewed(folder, results)
     dataset.write(combined(complete(folder, cases, stopping), cases, study), path)
     return dataset.read(path)
 

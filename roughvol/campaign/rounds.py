@@ -5,8 +5,6 @@ The samples are cases of the folder. Surfaces without a solve, and trial surface
 
 from __future__ import annotations
 
-import contextlib
-import os
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
@@ -44,7 +42,16 @@ class Rounds:
             self._report(Progress(cases=len(sound), kept=len(sound), notice=notice))
 
     def results(self) -> Dataset:
-        """Return the dataset of all samples and the answer, written when it has changed."""
+        """Return the dataset of all samples and the answer, written when it has changed.
+
+        The answer of a finished ensemble is the stored one. A run beyond a budget goes on.
+        """
+        assert self._study.ensemble is not None
+        if self._study.ensemble.budget is None:
+            stored = collection.stored(self._folder, self._study, self._sound)
+            if stored is not None and "answer" in stored.attrs:
+                self._report(Progress(cases=len(self._sound), kept=len(self._sound), work=1.0))
+                return collection.renewed(self._folder, stored)
         design, began = Design(self._study, step_errors(self._study, self._control.stopping)), time.monotonic()
         while request := design.next(time.monotonic() - began):
             later = self._later(design)
@@ -55,12 +62,10 @@ class Rounds:
             count = len(self._cases)
             done, event = count - self._kept, f"{count} samples"
             self._report(Progress(cases=count, kept=self._kept, done=done, work=1.0, event=event))
-        path = self._folder / "study.nc"
         stored = collection.stored(self._folder, self._study, self._cases)
         if stored is not None and stored.attrs.get("answer") == "\n".join(answer.sentences(design)):
-            with contextlib.suppress(OSError):
-                os.utime(path)
-            return stored
+            return collection.renewed(self._folder, stored)
+        path = self._folder / "study.nc"
         dataset.write(_with_answer(collection.combined(self._found, self._cases, self._study), design), path)
         return dataset.read(path)
 

@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from roughvol.analysis.stored_run import Run
+from roughvol.campaign import rounds
 from roughvol.campaign.execution import collect, run
 from roughvol.errors import CampaignError
 from roughvol.report.run_facts import facts
@@ -73,11 +74,21 @@ def test_workers_change_no_number(place: str, finished: Path, cases: Path, reque
     assert answers[0] == answers[1]
 
 
-def test_a_finished_ensemble_is_found_finished_and_collected(finished: Path, cases: Path) -> None:
-    events, before = Events(), (finished / "study.nc").read_bytes()
-    run(STUDY, out=finished, on_event=events)
-    assert (finished / "study.nc").read_bytes() == before
+def test_a_run_from_stored_cases_tells_its_interval(cases: Path) -> None:
+    events = Events()
+    run(STUDY, out=cases, on_event=events)
     assert "V* at D = 2.3 ±" in events[-1].interval
+
+
+def test_a_finished_ensemble_is_found_finished_and_collected(
+    finished: Path, cases: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    events, before = Events(), (finished / "study.nc").read_bytes()
+    with monkeypatch.context() as patched:
+        patched.setattr(rounds, "Design", None)  # nothing is estimated or solved again
+        run(STUDY, out=finished, on_event=events)
+    assert (finished / "study.nc").read_bytes() == before
+    assert (events[-1].cases, events[-1].kept, events[-1].work) == (72, 72, 1.0)
     state, stored = status(STUDY, finished), dataset.read(finished / "study.nc")
     assert (state.missing, state.strange, state.collected) == ((), 0, True)
     assert values_of(collect(STUDY, finished)).identical(values_of(stored))
@@ -85,6 +96,13 @@ def test_a_finished_ensemble_is_found_finished_and_collected(finished: Path, cas
     assert not (cases / "study.nc").exists()
     assert from_cases.attrs["answer"] == stored.attrs["answer"]
     assert_allclose(from_cases.free_volume_mean, stored.free_volume_mean)
+
+
+def test_an_answer_that_a_budget_ended_is_collected_as_stored(tmp_path: Path) -> None:
+    study = loads(TEXT.replace("20 %", "0.1 %").replace("ensemble: {", "ensemble: {budget: 0.001 s, "))
+    answer = run(study, out=tmp_path, jobs=1).attrs["answer"]
+    assert "budget of 0.001 s" in answer
+    assert collect(study, tmp_path).attrs["answer"] == answer
 
 
 def test_an_unfinished_ensemble_is_collected_without_an_answer(cases: Path) -> None:
