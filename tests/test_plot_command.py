@@ -13,6 +13,9 @@ from roughvol.report.figures import yielding
 from tests.kit import LEAKING, call, ran, refused, said
 
 TWO = LEAKING.replace("seeds: 1", "seeds: [2, 5]")
+LOOPS = TWO.replace(
+    "{steps: 8, to: {pressure: 0.5 MPa}}", "[{steps: 4, to: {pressure: 1}}, {steps: 2, to: {pressure: 0}}]"
+)
 
 PLAIN = """
 surface: {D: [2.2, 2.4], m: 4, seeds: [3, 7]}
@@ -81,6 +84,16 @@ def test_points_of_a_leak_have_their_direction(tmp_path: Path) -> None:
     assert not any("surface" in row["curve"] for row in rows)
 
 
+def test_points_of_a_path_have_their_leg_and_direction(tmp_path: Path) -> None:
+    ran("loops", LOOPS)
+    rows = _points("loops", "path_loops", tmp_path)
+    curves = {(row["panel"], row["D"], row["axis"], row["curve"]) for row in rows if "leg" in row["curve"]}
+    legs = ("D = 2.3, leg 1", "D = 2.3, leg 2")
+    directions = enumerate(("", "", "x", "y"), start=1)
+    assert curves == {(f"{panel}", "2.3", axis, leg) for panel, axis in directions for leg in legs}
+    assert not any(row["curve"].startswith("line") for row in rows)
+
+
 def _note(run: str, name: str) -> str:
     return " ".join(roughvol.plot(run, name).get_supxlabel().split())
 
@@ -107,8 +120,7 @@ def test_a_figure_says_which_gap_it_shows_and_of_what_its_points_are() -> None:
 
 
 def test_a_leak_in_a_figure_has_its_pressure_drop_and_viscosity() -> None:
-    loops = "[{steps: 4, to: {pressure: 1}}, {steps: 2, to: {pressure: 0}}]"
-    ran("loops", TWO.replace("{steps: 8, to: {pressure: 0.5 MPa}}", loops))
+    ran("loops", LOOPS)
     title = roughvol.plot("loops", "path_loops").legends[0].get_title().get_text()
     assert "pressure drop 5 mbar, viscosity 1 mPa s" in title
     assert "Pressure drop 5 mbar, viscosity 1 mPa*s." in _note("leaking", "leak_of_p")

@@ -18,7 +18,7 @@ from roughvol.analysis.leak import counted, fluid_of
 from roughvol.analysis.tables import spread
 from roughvol.observables.variables import columns_of
 from roughvol.report.figures.curves import shown
-from roughvol.report.figures.families import families, own, several, single
+from roughvol.report.figures.families import families, named, own, several, single
 from roughvol.report.figures.style import DASHES, GREY, LABELS, PAGE, A, Drawing, P, V, axes, unit_of
 from roughvol.report.figures.ways import closed_handles, closing
 from roughvol.typing import Array
@@ -59,9 +59,11 @@ def path_loops(ds: Dataset) -> Drawing:
                 computed = part[name].notnull().values
                 x, y = part[load].values[computed], part[name].values[computed]
                 drawn = np.where(y > 0.0, y, np.nan) if logarithmic else y  # a logarithmic axis has no zero
-                ax.plot(x, drawn, ls=dash, color=family.look["color"])
+                lines = ax.plot(x, drawn, ls=dash, color=family.look["color"])
+                axis = name[-1] if logarithmic else None
+                named(ax, lines, family, curve=f"{family.label}, leg {leg}", axis=axis)
                 if logarithmic:
-                    ends += [(ax, name[-1], family.look["color"], *end) for end in _ends(x, y)]
+                    ends += [(ax, name[-1], family.look["color"], *end, family) for end in _ends(x, y)]
     for ax, (name, label, logarithmic) in zip(panels, names, strict=True):
         unit = unit_of(ds, "leak_rate") if name.startswith("leak_rate") else ""
         below = LABELS[P] if load == P else f"nominal pressure $p$ [{unit_of(ds, NOMINAL)}]"
