@@ -94,6 +94,13 @@ def test_points_of_a_path_have_their_leg_and_direction(tmp_path: Path) -> None:
     assert not any(row["curve"].startswith("line") for row in rows)
 
 
+def test_points_are_those_of_curves_and_not_of_lines_across_the_axes(tmp_path: Path) -> None:
+    ran("boxes", PLAIN.replace("[2.2, 2.4]", "2.2") + "record: {box_counting: {at: {separation: 1}}}\n")
+    rows = _points("boxes", "fig11b", tmp_path)  # a dashed line is at dimension 2
+    assert min(float(row["x"]) for row in rows) > 1.0
+    assert not any(row["curve"].startswith("line") for row in rows)
+
+
 def _note(run: str, name: str) -> str:
     return " ".join(roughvol.plot(run, name).get_supxlabel().split())
 

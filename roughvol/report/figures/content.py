@@ -256,8 +256,8 @@ def data(fig: Drawing) -> Iterator[Mapping[str, object]]:
         unnamed = 0
         for line in ax.get_lines():
             label = str(line.get_label())
-            if label == ways.LEAD:
-                continue
+            if label == ways.LEAD or line.get_transform() != ax.transData:
+                continue  # a guide: a line to a mark, or one across the axes
             source = dict(fig.sources.get(line, {}))
             if not source and label.startswith("_child"):
                 unnamed += 1
