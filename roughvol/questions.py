@@ -377,8 +377,8 @@ class Cards:
 
     @cached_property
     def pages(self) -> list[Page]:
-        """A page of each load and combination; of several height files, a page of each and one together."""
-        from roughvol.analysis.leak_budget import card_of
+        """A page of each load and combination; of several height files, one together, and one of each at the load."""
+        from roughvol.analysis.leak_budget import card_of, is_reached
         from roughvol.campaign.card import slug
         from roughvol.report.card_page import Page
         from roughvol.report.card_text import Identity
@@ -386,7 +386,7 @@ class Cards:
         pages, changed = [], [word for change in self.changes for word in ("--set", change)]
         for (load, words), runs in self.runs.items():
             origin = Identity(self.study, shlex.join(["roughvol", "card", self.asked, "--at", load, *changed]))
-            single = {name: [one] for name, one in runs.items()} if len(runs) > 1 else {}
+            single = {name: [one] for name, one in runs.items() if len(runs) > 1 and is_reached(one.fine)}
             for name, some in ({"": list(runs.values())} | single).items():
                 title = ", ".join(filter(None, (self.study.name, *self.varied, words, name)))
                 stem = "_".join(filter(None, map(slug, ("card", load, *self.varied, words, name))))

@@ -362,3 +362,21 @@ def test_a_card_beside_other_loads_is_that_of_its_load_alone(kind: str) -> None:
         alone = roughvol.card(study, at=load, jobs=1, out="alone")
         for words, card in alone.cards.items():
             assert beside[", ".join(filter(None, (words, *alone.loads)))].plain() == card.plain()
+
+
+def test_a_map_that_is_not_pressed_to_the_load_is_counted_and_has_no_card() -> None:
+    """Under fluid pressure a map that ends closed is not known beyond: the fluid may open it."""
+    _maps(0.2, 0.6)
+    lift = "fluid_pressure: {inlet: 5 mbar}, dimensional"
+    text = SEAL.replace(GENERATED, '{files: "face*.txt", L: 100 um}').replace("dimensional", lift)
+    ran("seal", text)
+    ends = dataset.read(Path("runs/seal/study.nc")).nominal_pressure.max("step").values
+    assert ends[0] < ends[1]
+    printed = _printed("seal.yaml", "--at", f"pressure={ends.mean():.4g} MPa")
+    assert printed.count("1 not pressed to this load") == 2
+    assert "mm³/s" in printed
+    assert "T* V*³" not in printed
+    assert not list(Path("runs/seal_card").glob("*face0*"))
+    assert len(list(Path("runs/seal_card").glob("*face1.txt.html"))) == 1
+    words = "the sweep ends before pressure=9 MPa, and the fluid may open the way again: press farther"
+    assert words in refused("card", "seal.yaml", "--at", "pressure=9 MPa", "--jobs", "1")

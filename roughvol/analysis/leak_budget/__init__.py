@@ -11,6 +11,6 @@ A part of the closing load is a factor of loads. The leak at p of a joint that c
 leak at p/f: so a part of the leak follows where the leak itself cannot be compared, as of a way that closes.
 """
 
-from roughvol.analysis.leak_budget.card import card_of, check_reached
+from roughvol.analysis.leak_budget.card import card_of, check_reached, is_reached
 
-__all__ = ["card_of", "check_reached"]
+__all__ = ["card_of", "check_reached", "is_reached"]

@@ -44,9 +44,14 @@ from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.typing import Array
 
 
+def is_reached(fine: Pressed) -> bool:
+    """Return whether the leak of a surface of a run is known at the load of a card."""
+    return any(math.isfinite(surface.leak(axis)) for surface in surfaces_at_load(fine) for axis in AXES)
+
+
 def check_reached(fine: Pressed) -> None:
     """Refuse a run without a surface that is pressed to the load of a card; the message has the loads of the run."""
-    if all(surface.state is None for surface in surfaces_at_load(fine)):
+    if not is_reached(fine):
         run = Run.of(SWEEP, fine.dataset)
         for _, group in groups(derived(run.dataset, run.study)):
             at(run, group, fine.level)  # raises, except beyond a sweep that ended closed
@@ -57,7 +62,7 @@ def check_reached(fine: Pressed) -> None:
 def card_of(runs: Sequence[CardRuns], name: str, load: str) -> Card:
     """Return the card of one surface or of several, from the runs of each height file or of generated surfaces."""
     fine = [surface for of_file in runs for surface in surfaces_at_load(of_file.fine)]
-    if all(surface.state is None for surface in fine):
+    if not any(is_reached(of_file.fine) for of_file in runs):
         check_reached(runs[0].fine)
     coarser = [comparable(grids, fine) for grids in zip(*(of_file.coarser for of_file in runs), strict=False)]
     levels = [of_file.levelled for of_file in runs if of_file.levelled is not None]

@@ -94,6 +94,8 @@ def _bound(surface: Loaded, axis: str) -> float:
     assert study is not None
     assert study.record.fluid_pressure is not None
     state = surface.fields.sel({STATE: surface.recorded})
+    if f"{STATE}_inlet" not in state:  # no surface of the run reaches the state
+        return min(RTOL, surface.run.rtol)
     drop = float(state[f"{STATE}_inlet"] - state[f"{STATE}_outlet"])
     if study.record.fluid_pressure.coupling == "one-way" or not math.isfinite(drop):
         return min(RTOL, surface.run.rtol)

@@ -67,7 +67,8 @@ class Loaded:
 
     def unit(self, name: str = FLOW) -> str:
         """Return the unit of a flow, empty for T* V*³."""
-        return str(self.table[name].attrs["units"]) if name in self.table else ""
+        found = (self.table[flow].attrs["units"] for flow in (name, f"{name}_dry") if flow in self.table)
+        return str(next(found, ""))
 
     @property
     def fields(self) -> Dataset:
@@ -168,10 +169,8 @@ def surfaces_at_load(pressed: Pressed) -> Iterator[Loaded]:
             except DatasetError:
                 yield Loaded(name, run, pressed.level, table, None, pressed.level.label)
                 continue
-            study = run.study
-            dry = study is not None and study.record.fluid_pressure is not None and not is_lifted(table)
             leads = len(legs_of(table)) == 1 or leg_of(table, pressed.level) == 1
-            yield Loaded(name, run, pressed.level, table, None if dry else state.data, state.recorded, leads)
+            yield Loaded(name, run, pressed.level, table, state.data, state.recorded, leads)
 
 
 def leg_of(table: Dataset, level: Level) -> int:
