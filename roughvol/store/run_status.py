@@ -156,10 +156,11 @@ def _state(folder: Path) -> str:
     failures = f", {len(failed)} failed" if failed else ""
     if lock.holder(folder) is not None:
         return f"running, {len(stored)} finished{failures}"
-    if (folder / "study.nc").is_file() and not failed:
+    text = run_folder.stored_study(folder) or ""
+    if run_folder.is_collected(folder, text) and not failed:
         return "finished"
     try:
-        study = loads(run_folder.stored_study(folder) or "", stored=True)
+        study = loads(text, stored=True)
     except StudyError:
         return f"{len(stored)} finished{failures}, its study cannot be read"
     surface = study.surface

@@ -272,6 +272,12 @@ def test_a_subset_of_a_stored_study_is_collected(tmp_path: Path, monkeypatch: py
     xr.testing.assert_identical(values_of(execution.run(whole, out=tmp_path, jobs=1)), values_of(first))
 
 
+def test_ls_calls_a_run_finished_whose_dataset_has_its_study(place: Path) -> None:
+    assert [run.state for run in run_status.listed(place.parent)] == ["finished"]
+    (place / "study.yaml").write_text(loads(TEXT.replace("seeds: 4", "seeds: 5")).stored(), encoding="utf-8")
+    assert [run.state for run in run_status.listed(place.parent)] == ["4 of 5 finished"]
+
+
 @pytest.mark.parametrize(
     ("old", "new"), [("steps: 4", "steps: 5"), ("D: 2.4", "D: 2.5"), ("m: 3", "m: 2"), ("seeds: 4", "seeds: [7]")]
 )
