@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import roughvol
+from roughvol.cli.plot import _shaped
 from roughvol.report.figures import yielding
 from tests.kit import LEAKING, call, ran, refused, said
 
@@ -33,6 +35,14 @@ def _runs(there: Path) -> None:
 def test_figures_have_every_format_size_and_scale(tmp_path: Path, suffix: str) -> None:
     said("plot", "plain", "v_of_p", "--format", suffix, "--size", "90x70mm", "--log", "x", "--out", tmp_path)
     assert (tmp_path / f"v_of_p.{suffix}").stat().st_size > 200
+
+
+def test_a_curve_on_a_logarithmic_axis_ends_at_its_last_positive_number() -> None:
+    fig = Figure()
+    (line,) = fig.subplots().plot([2.0, 1.0, -1.0], [0.1, 0.2, 0.3])
+    assert _shaped(fig, None, "x") == []
+    ends = line.get_transform().transform(line.get_xydata())
+    assert np.isfinite(ends).all(axis=1).tolist() == [True, True, False]
 
 
 @pytest.mark.parametrize("suffix", ["png", "csv"])

@@ -130,7 +130,8 @@ def _shaped(figure: Any, inches: tuple[float, float] | None, log: str | None) ->
             if ax.name != "rectilinear" or ax.images:
                 continue
             if getattr(ax.dataLim, f"{axis}1") > 0.0:
-                getattr(ax, f"set_{axis}scale")("log")
+                # a curve ends at its last positive x; one that falls to 0 goes to the lower edge
+                getattr(ax, f"set_{axis}scale")("log", nonpositive="mask" if axis == "x" else "clip")
             else:
                 left.append(axis)
     return left
