@@ -201,7 +201,7 @@ def ask(
         return read_off.ask(results, largest, unknown, pressure=load, errors=errors)
 
     answers = answered(None)
-    narrower = read_off.narrower(results, answers)
+    narrower = read_off.narrower(results, answers, closed=leak_rate is None)
     if budget and kelvin is not None:
         read_off.refuse(f"the leak rate is {wanted!r}: the budget of the error is that of a liquid")
     if budget:
@@ -214,13 +214,12 @@ def _errors(run: StoredRun, answers: Sequence[Answer], jobs: int | None, *, clos
     from roughvol.analysis import read_off
 
     unit = "" if closed else run.dataset["nominal_pressure"].attrs["units"]
-    return {
-        answer.axis: read_off.errors_of(
-            _card_at(run, "last" if closed else f"pressure={answer.nominal.value:.4g} {unit}", jobs), answer.axis
-        )
+    loads = {
+        answer.axis: "last" if closed or answer.nominal.closing else f"pressure={answer.nominal.value:.4g} {unit}"
         for answer in answers
         if closed or answer.found
     }
+    return {axis: read_off.errors_of(_card_at(run, load, jobs), axis) for axis, load in loads.items()}
 
 
 def _card_at(run: StoredRun, load: str, jobs: int | None) -> Card:

@@ -284,8 +284,10 @@ def seal_words(run: Dataset) -> str:
     return f"The leak is that of the seal of {patch.seal.label} along {patch.seal.flow}, {n} × {m} patches."
 
 
-def narrower(run: Dataset, answers: Sequence[Answer]) -> list[str]:
+def narrower(run: Dataset, answers: Sequence[Answer], *, closed: bool) -> list[str]:
     """Return the changes of the study, a name and a sweep, that solve states around the answers; for ``--set``.
+
+    If the joint is asked to be ``closed``, its closing load is solved in the place of the states.
 
     Empty without an answer within the stored loads, or if the study does not take them.
     """
@@ -299,8 +301,8 @@ def narrower(run: Dataset, answers: Sequence[Answer]) -> list[str]:
     if not found:
         return []
     listed = ", ".join(f"{load:g} {unit}".strip() for load in found)
-    closed = all(reading.closing for reading in nominal) and closing.SOLVED not in run
-    change = "record.transport.closing=true" if closed else f"sweep={{pressures: [{listed}]}}"
+    solve_closing = closed and closing.SOLVED not in run
+    change = "record.transport.closing=true" if solve_closing else f"sweep={{pressures: [{listed}]}}"
     try:
         changes = [f"name={loads(text, stored=True).name}_closer", change]
         loads(text, stored=True, changes=changes)

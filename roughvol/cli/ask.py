@@ -117,26 +117,31 @@ def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
     """Return a read-off in words."""
     from roughvol.analysis.tables import number, rounded
 
-    low, high = (number(end) for end in answer.between)
+    first, last = (number(end) for end in answer.between)
+    steps = f"between the steps p* = {first} and {last}" if math.isfinite(answer.between[1]) else f"beyond p* = {first}"
     of = f", for the leakiest of {answer.surfaces} surfaces ({answer.surface})" if answer.surfaces > 1 else ""
     if answer.nominal.value == 0.0:
-        first = "the first step is closed" if closed else "the first step leaks less"
+        begin = "the first step is closed" if closed else "the first step leaks less"
         every = f" of all {answer.surfaces} surfaces" if answer.surfaces > 1 else ""
-        return f"any {unknown} of {_load(answer, 1)} or more: {first}{every}; smaller loads are not stored"
+        return f"any {unknown} of {_load(answer, 1)} or more: {begin}{every}; smaller loads are not stored"
     if not answer.found:
         return f"no {unknown} within the stored loads, up to {_load(answer, 0)}{of}"
     unit = "" if answer.unit == "1" else f" {answer.unit}"
     name = {"pressure": "pressure" if unit else "p* =", "modulus": "modulus E* =", "Sq": "Sq"}[unknown]
-    if answer.nominal.closing and answer.low < answer.value == answer.high:
+    closes = ", where the last way closes" if answer.nominal.closing else ""
+    if closes and not closed and answer.budget is None:
+        closes, steps = "", f"from the last open step, p* = {first}, to the closing of the last way, p* = {last}"
+        text = f"{name} {number(answer.low)} to {number(answer.high)}{unit}"
+    elif closes and answer.low < answer.value == answer.high:
         text = f"{name} {number(answer.low)} to {number(answer.high)}{unit}"
     else:
         bounded = math.isfinite(answer.high)
         value = rounded(answer.value, answer.low, answer.high) if bounded else number(answer.value, 2)
         text = f"{name} {value}{unit}{_interval(answer, unknown, unit)}"
-    text += ", where the last way closes" if answer.nominal.closing else ""
+    text += closes
     if unknown != "pressure":
         text += f", {number(answer.times, 3)} times the {'E*' if unknown == 'modulus' else 'Sq'} of the study"
-    return f"{text}, between the steps p* = {low} and {high}{of}"
+    return f"{text}, {steps}{of}"
 
 
 def _load(answer: Answer, end: int) -> str:

@@ -209,7 +209,7 @@ def test_a_value_beyond_the_stored_loads_is_infinite_and_one_above_all_is_zero(s
     record = read_off.record(read_off.ask(swept, 1e-30, "pressure")[0], "pressure")
     assert record["value"] is None
     assert record["interval"][1] is None
-    assert not read_off.narrower(swept, read_off.ask(swept, 1e-30, "pressure"))
+    assert not read_off.narrower(swept, read_off.ask(swept, 1e-30, "pressure"), closed=False)
 
 
 # refused
@@ -370,4 +370,11 @@ def test_a_solved_closing_load_ends_the_reading(tmp_path: Path, monkeypatch: pyt
             assert answer.value == pytest.approx(end.value)
             assert answer.low == pytest.approx(0.02)
             assert answer.nominal.closing
-        assert "sweep=" in read_off.narrower(ds, answers)[1]
+        assert "sweep=" in read_off.narrower(ds, answers, closed=False)[1]
+    folder = tmp_path / listed  # the closing load lies beyond its last step
+    printed = said("ask", folder, "--leak-rate", "1e-30 mm^3/s")
+    end = answers[1].between[1]
+    assert f"along y: pressure 0.02 to {answers[1].value:.4g} MPa, from the last open step, p* = " in printed
+    assert f"to the closing of the last way, p* = {end:.4g}" in printed
+    assert f"where the last way closes, beyond p* = {answers[1].between[0]:.4g}" in said("ask", folder, "--closed")
+    assert "where the last way closes" in said("ask", folder, "--leak-rate", "1e-30 mm^3/s", "--budget", "--jobs", "1")
