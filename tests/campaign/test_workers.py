@@ -148,6 +148,7 @@ def test_a_cluster_survives_its_workers(dask: Dask, tmp_path: Path, monkeypatch:
     dask.worker()  # with a nanny, which starts it again
     dask.end(dask.processes[2:-1])
     ended = Ends()
+    workers.each(tasks.nap, range(3), jobs=1, scheduler=dask.address, on_end=Ends())  # a nanny gives up at its start
     workers.each(tasks.deadly, range(3), jobs=1, scheduler=dask.address, on_end=ended)
     assert "KilledWorker" in type(ended.pop(0)).__name__
     assert ended == {1: 1, 2: 2}
