@@ -189,5 +189,5 @@ def check_touch(level: Level, case: Case, surface: Surface, untouched: Contact) 
     separation = (surface.z_max - surface.mean_height) / surface.unit
     most = separation if level.kind == "separation" else float(within(untouched, case).gap().mean())
     if (level.value or 0.0) >= most:
-        message = f"{level.label} lies before the first touch; allowed: below {most:.6g}, that of the first touch"
+        message = f"{level.label} lies before the first touch; allowed: below {most:.6g} σ, that of the first touch"
         raise ContactError(message)
