@@ -142,7 +142,7 @@ class Curve:
 
             if excess(x[k]) <= 0.0:
                 return float(x[k])
-            if excess(x[k + 1]) >= 0.0:
+            if excess(x[k + 1]) >= -REACHED:
                 return float(x[k + 1])
             return float(scipy.optimize.brentq(excess, x[k], x[k + 1], xtol=1e-14, rtol=1e-14))
 

@@ -184,6 +184,13 @@ def test_a_reading_lies_between_its_two_steps_and_is_exact_at_a_step() -> None:
     assert_allclose(on_step.low, on_step.high)
 
 
+@pytest.mark.parametrize("leak", [3.0 * (1 - 1e-9), 3.0, 3.0 * (1 + 1e-9)], ids=["below", "equal", "above"])
+def test_the_load_of_the_leak_of_a_step_is_that_of_the_step(leak: float) -> None:
+    curve = _curve([1.0, 2.0, 4.0, 8.0], [8.0, 7.0, 3.0, 0.01])
+    found = curve.load_where(lambda logs: np.full(len(logs), np.log(leak)))
+    assert_allclose([found.value, found.low, found.high], 4.0, rtol=1e-8)
+
+
 def test_where_a_way_closes_the_leak_is_between_nothing_and_the_last_one() -> None:
     curve = _curve([1.0, 2.0, 4.0, 8.0], [5.0, 3.0, 1.0, 0.0])
     reading = curve.at(np.array([0.5, 5.0, 8.0, 20.0]))
