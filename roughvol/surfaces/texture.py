@@ -212,10 +212,10 @@ def hurst_spectrum(heights: Array, spacing: float = 1.0, *, periodic: bool = Fal
         unit -= float((window * unit).sum() / window.sum())
         unit *= window
     power = np.square(np.abs(np.fft.rfft2(unit)))
-    # rfft2 holds half the plane; the other half has the same power, and the ring means do not need it.
     wave = 2.0 * np.pi * np.hypot(np.fft.fftfreq(rows, spacing)[:, None], np.fft.rfftfreq(columns, spacing))
     lowest, highest = 4.0 * 2.0 * np.pi / (cells * spacing), 0.5 * np.pi / spacing
     used = (wave >= lowest) & (wave < highest)
+    used[rows // 2 + 1 :, 0] = False  # rfft2 holds half the plane, and both halves of its first column
     wave, power = wave[used], power[used]
     ring = np.floor(SPECTRUM_BINS * np.log(wave / lowest) / math.log(highest / lowest)).astype(np.int64)
     count = np.bincount(ring)

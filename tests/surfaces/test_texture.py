@@ -132,6 +132,14 @@ def test_exponents_of_white_noise():
     assert np.mean([texture.hurst_spectrum(z, 1.0) for z in fields]) == pytest.approx(-1.0, abs=3.5e-2)
 
 
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize("shape", [(65, 65), (64, 40)])
+def test_the_exponent_of_a_spectrum_has_no_direction(shape, periodic):
+    z = rough(m=6)[: shape[0], : shape[1]]
+    turned = [texture.hurst_spectrum(field, 1.0, periodic=periodic) for field in (z, z.T, z[::-1], z[:, ::-1])]
+    assert turned == pytest.approx([turned[0]] * 4, rel=1e-10)
+
+
 @pytest.mark.parametrize("function", [texture.hurst_structure, texture.hurst_spectrum])
 def test_exponents_ignore_units(function):
     z = rough(m=6)
