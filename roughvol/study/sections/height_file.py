@@ -249,7 +249,7 @@ class HeightFile(Sized):
         if not isinstance(data, dict) or not data.get("files"):
             return data
         files = _matching(data["files"], info)
-        if not set(files) >= {data.get("file", files[0])}:
+        if data.get("file", files[0]) not in files:
             refuse("'files' excludes 'file': give one of them")
         return {**data, "file": files[0], "files": files}
 
