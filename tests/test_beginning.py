@@ -75,7 +75,7 @@ def test_an_unknown_name_has_the_nearest_proposed(arguments: tuple[str, str], pr
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("surface.file", ("must be given", "height field")),
+        ("surface.against.file", ("must be given", "height field")),
         ("sweep", ("sweep.steps", "{steps: 60, to: mean-plane, equal: indentation}")),
         ("leak_rate", ("length^3/time", "volume flow along the axis")),
     ],

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -206,8 +206,18 @@ def listable(schema: dict[str, Any]) -> dict[str, Any]:
         key = rest[0] if rest else section
         for holder in holders:
             if key in holder:
+                for ends in _mappings(holder[key]) if name == "to" else ():
+                    ends |= {kind: _or_list(end, optional=False) for kind, end in ends.items()}
                 holder[key] = _or_list(holder[key], optional=name in LABELS_OF_NONE)
     return schema
+
+
+def _mappings(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield the keys of each mapping that a schema allows, by name."""
+    if "properties" in schema:
+        yield schema["properties"]
+    for inner in (*schema.get("oneOf", ()), *schema.get("anyOf", ())):
+        yield from _mappings(inner)
 
 
 def _or_list(schema: dict[str, Any], *, optional: bool) -> dict[str, Any]:

@@ -29,6 +29,7 @@ from roughvol.study import (
     load,
     loads,
 )
+from roughvol.study.reference import keys
 from roughvol.study.values.state_kinds import LISTS
 from roughvol.surfaces.body import UNTREATED
 from tests.study.kit import in_full, problems_of, table
@@ -551,6 +552,16 @@ def test_the_schema_holds_ranges_choices_and_defaults() -> None:
 def test_the_schema_names_the_formats_of_height_files() -> None:
     description = json_schema()["$defs"]["HeightFile"]["properties"]["file"]["description"]
     assert all(f"*{ending}" in description for ending in HEIGHT_FORMATS)
+
+
+def test_the_schema_takes_the_forms_that_a_study_takes() -> None:
+    schema = json_schema()
+    assert "file" not in schema["$defs"]["HeightFile"]["required"]
+    assert schema["$defs"]["HeightFile"]["anyOf"] == [{"required": ["file"]}, {"required": ["files"]}]
+    values = {key.path: key.values for key in reversed(keys())}
+    assert values["surface.files"] == "text; or a list of these"
+    assert values["surface.variable"] == "text or a whole number >= 0"
+    assert values["sweep.to.contact_area"] == "a number > 0 and <= 1; or a list of these"
 
 
 def test_a_study_made_in_python_obeys_the_same_rules() -> None:

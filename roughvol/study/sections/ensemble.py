@@ -110,7 +110,7 @@ def _budget(value: Any) -> Budget:
 
 
 def _text_schema(units: tuple[str, ...]) -> dict[str, Any]:
-    return {"type": "string", "pattern": rf"^[0-9.]+(e-?[0-9]+)? *({'|'.join(units)})$"}
+    return {"type": "string", "pattern": rf"^[0-9.]+(e[-+]?[0-9]+)? *({'|'.join(units)})$"}
 
 
 HalfWidth = Annotated[

@@ -15,10 +15,12 @@ from typing import Annotated, Any
 from pydantic import (
     AfterValidator,
     BeforeValidator,
+    ConfigDict,
     Field,
     PlainSerializer,
     SerializationInfo,
     ValidationInfo,
+    WithJsonSchema,
     field_validator,
     model_serializer,
     model_validator,
@@ -135,7 +137,10 @@ def _number(value: Any) -> Any:
     return str(value) if isinstance(value, int) and not isinstance(value, bool) and value >= 0 else value
 
 
-Variable = Annotated[str, BeforeValidator(_number)]
+Variable = Annotated[
+    str, BeforeValidator(_number), WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "integer", "minimum": 0}]})
+]
+_FILES = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
 
 
 def _alike(value: tuple[float, float]) -> tuple[float, float]:
@@ -198,11 +203,19 @@ class CounterBody(Strict):
     )
 
 
+def _one_or_several(schema: dict[str, Any]) -> None:
+    """Write into a JSON schema that files stand in place of file."""
+    schema["required"].remove("file")
+    schema["anyOf"] = [{"required": ["file"]}, {"required": ["files"]}]
+
+
 class HeightFile(Sized):
     """A surface from a height file, or the sum of two that face each other."""
 
+    model_config = ConfigDict(json_schema_extra=_one_or_several)
+
     file: HeightPath = Field(description=_FILE)
-    files: Annotated[tuple[WrittenPath, ...], BeforeValidator(as_tuple)] = default(
+    files: Annotated[tuple[WrittenPath, ...], BeforeValidator(as_tuple), WithJsonSchema(_FILES)] = default(
         (),
         "instead of file: a pattern as scans/*.al3d, or a list of files, each a case of its own; all of "
         "one length and unit",
