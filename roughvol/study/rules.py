@@ -116,6 +116,11 @@ def _may_have_units(surface: HeightFile) -> bool:
     return bool(surface.files) or any(Path(body.file).suffix.lower() not in BARE_FORMATS for body in surface.bodies)
 
 
+def _unloaded(level: Level) -> bool:
+    """Return whether a state is without load."""
+    return level.kind in ("pressure", "indentation") and level.value == 0.0
+
+
 # The rules.
 
 
@@ -334,16 +339,18 @@ def _path(study: StudyFile) -> Problems:
     several = isinstance(study.sweep, Legs)
     legs = [(("sweep", k) if several else ("sweep",), leg) for k, leg in enumerate(study.sweep.legs)]
     for path, leg in legs:
-        if leg.equal == "log pressure" and (leg.steps == 0 or leg.target == Level("pressure", 0.0)):
+        if leg.equal == "log pressure" and (leg.steps == 0 or _unloaded(leg.target)):
             yield (*path, "equal"), "equal ratios of pressure need steps, and an end > 0"
     if not several:
         return
     if study.ensemble is not None:
         yield ("sweep",), "an ensemble takes one sweep, {steps, to}, and no list of legs"
-    first = legs[0][1].target
-    if first.value == 0.0 and first.kind in ("pressure", "indentation"):
-        yield ("sweep", 0, "to", first.kind), "must be > 0 on the first leg, which begins at first touch"
+    for place, level in itertools.islice(study.sweep.states(), 1):
+        if place[1] == 0 and _unloaded(level):
+            yield place, "must be > 0 on the first leg, which begins at first touch"
     for (_, before), (path, leg) in itertools.pairwise(legs):
+        if leg.equal == "log pressure" and _unloaded(before.target):
+            yield (*path, "equal"), "equal ratios of pressure need a begin > 0, and the leg before ends at 0"
         if before.target.label == leg.target.label:
             yield (*path, "to"), "is the end of the leg before: the leg has no length"
 

@@ -571,6 +571,12 @@ def test_a_study_made_in_python_obeys_the_same_rules() -> None:
         Study(surface=surface, solver={"method": "paper"})  # type: ignore[arg-type]
 
 
+def test_the_first_leg_may_unload_behind_its_first_state() -> None:
+    (leg,) = loads("surface: {D: 2.3, m: 4}\nsweep: [{pressures: [1, 0.5, 0]}]").sweep.legs
+    assert leg.listed is not None
+    assert [level.value for level in leg.listed] == [1.0, 0.5, 0.0]
+
+
 def test_whole_numbers_may_be_written_with_a_point() -> None:
     text = "surface: {D: 2.3, m: [8.0, 7], seeds: 3.0}\nsweep: {steps: 6e1}\nrecord: {volume_density: {bins: 9.0}}\n"
     study = loads(text)
