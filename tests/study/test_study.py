@@ -585,6 +585,12 @@ def test_whole_numbers_may_be_written_with_a_point() -> None:
     assert [case.id for case in study.cases()] == [case.id for case in same.cases()]
     assert study.to_yaml() == same.to_yaml()
     assert type(study.sweep.steps) is int
+
+
+def test_whole_numbers_of_a_height_file_may_be_written_with_a_point(tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", np.zeros((9, 9)))
+    text = "surface: {file: a.npy, L: 1, downsample: 2.0, outliers: {window: 7.0}}"
+    assert loads(text, tmp_path / "a.yaml") == loads(text.replace(".0", ""), tmp_path / "a.yaml")
     assert loads("surface: {D: 2.3, m: 3, seeds: [1.0, 4]}").surface.seeds == (1, 4)
 
 

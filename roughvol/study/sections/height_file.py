@@ -29,7 +29,7 @@ from pydantic import (
 from roughvol.study.plain_data import number_text, printable
 from roughvol.study.sections.strict import Strict, default, optional, refuse_at
 from roughvol.study.sections.surface import SIDES, UNIT, Sized
-from roughvol.study.values.types import as_tuple, refuse, two
+from roughvol.study.values.types import WHOLE, as_tuple, refuse, two
 from roughvol.study.values.units import HeightsUnit, In, Length, LengthUnit, unit_of
 from roughvol.surfaces.body import Columns, Header, Levelling, Mirror, Missing, Resampling
 from roughvol.typing import Sides
@@ -183,7 +183,7 @@ class Outliers(Strict):
     sigma: Annotated[float, Field(ge=3, le=1000)] = default(
         6.0, "distance from the local median in robust standard deviations of the map, 3 to 1000"
     )
-    window: Annotated[int, Field(ge=3, le=101), AfterValidator(_odd)] = default(
+    window: Annotated[int, Field(ge=3, le=101), WHOLE, AfterValidator(_odd)] = default(
         5, "nodes a side of the neighbourhood, odd, 3 to 101"
     )
 
@@ -234,7 +234,7 @@ class HeightFile(Sized):
         "with a unit; L is that of the whole map"
     )
     outliers: Outliers | None = optional("{sigma, window}: remove single spikes; {}: 6 and 5 nodes")
-    downsample: Annotated[int, Field(ge=1, le=1000)] = default(
+    downsample: Annotated[int, Field(ge=1, le=1000), WHOLE] = default(
         1, "side in nodes of block means, 1 to 1000; 1 keeps every node"
     )
     resample: Resampling = default("none", "'none', or 'square': interpolate oblong pixels onto square ones")
