@@ -58,6 +58,25 @@ def test_the_study_of_a_height_map_says_its_sides() -> None:
         Path("face.yaml").unlink()
 
 
+@pytest.mark.parametrize("name", ["123", "1e5", "true", "a#b: c"])
+def test_a_height_map_may_have_any_name(name: str) -> None:
+    np.savetxt(f"{name}.txt", np.random.default_rng(0).normal(size=(9, 9)))
+    said("init", f"{name}.txt", "--set", "surface.L=9 um")
+    (written,) = Path().glob("*.yaml")
+    assert Path(load(written).surface.file).name == f"{name}.txt"
+
+
+def test_the_study_of_a_height_map_takes_lists_and_mappings() -> None:
+    np.savetxt("face.txt", np.random.default_rng(0).normal(size=(9, 9)))
+    given = ["surface.L='9 um'", "surface.level=[none, tilt]", "surface.crop.x=[0, 0.5]", "surface.outliers={}"]
+    said("init", "face.txt", *(word for change in given for word in ("--set", change)))
+    study = load("face.yaml")
+    assert [axis.labels for axis in study.axes] == [("none", "tilt")]
+    assert study.surface.crop.x == (0.0, 0.5)
+    assert study.surface.outliers is not None
+    assert "surface.file is no mapping" in refused("init", "face.txt", "--set", "surface.file.x=3")
+
+
 def test_init_overwrites_nothing() -> None:
     Path("scan.txt").write_text("mine", encoding="utf-8")
     assert "scan.txt; nothing was written" in refused("init", "scan")

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import difflib
-import json
 import re
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
@@ -96,18 +96,23 @@ def _write_new(files: Mapping[str, str]) -> None:
 
 def _write_study_of_map(path: Path, example: str, changes: Sequence[str]) -> None:
     """Write the study of a height map, as that of the example; lengths and units that it lacks are to be filled in."""
+    from roughvol.study.plain_data import write
+    from roughvol.study.reading import set_key
+
     if other := [change for change in changes if not change.startswith("surface.")]:
         message = f"--set {other[0]}: allowed are keys of surface; give the others in the study that is written"
         raise click.UsageError(message)
     name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem).strip("_-")[:100] or "map"
-    given = {key.removeprefix("surface."): value for key, _, value in (change.partition("=") for change in changes)}
-    sides = {} if "periodic" in given else {"sides": "mirrored"}
-    surface = {"file": str(path), "level": "tilt"} | sides | given
+    given: dict[str, Any] = {"name": name, "surface": {"file": str(path), "level": "tilt"}}
+    if not any(change.startswith("surface.periodic") for change in changes):
+        given["surface"]["sides"] = "mirrored"
+    for change in changes:
+        set_key(given, {}, change)
     rest = [line for line in example.splitlines() if not line.startswith(("#", "name:", "surface:"))]
 
     def study(keys: Mapping[str, str]) -> str:
-        section = ", ".join(f"{key}: {_quoted(value)}" for key, value in (surface | dict(keys)).items())
-        return "\n".join([f"name: {name}", f"{SIDES}\nsurface: {{{section}}}", *rest]) + "\n"
+        section = write({"surface": given["surface"] | keys})
+        return "\n".join([write({"name": name}).strip("{}\n"), f"{SIDES}\n{section.strip()}", *rest]) + "\n"
 
     absent: dict[str, str] = {}
     while lacking := _lacking(study(absent), f"{name}.yaml", absent):
@@ -131,8 +136,3 @@ def _lacking(study: str, file: str, absent: Mapping[str, str]) -> list[str]:
             return lacking
         raise
     return [] if case.length_unit else ["unit"]
-
-
-def _quoted(text: str) -> str:
-    """Return a text for a flow mapping of YAML, in quotes where it needs them."""
-    return text if re.fullmatch(r"[\w./ ]*\w", text) else json.dumps(text, ensure_ascii=False)

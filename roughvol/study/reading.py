@@ -214,7 +214,7 @@ def _study(
             raise StudyError([Problem(str(error), argument=arguments.of(""))]) from error
         raise StudyError([Problem(str(error), "", error.line, file)]) from error
     written = set(reading.marks)
-    changed = [_change(data, reading.marks, change) for change in changes]
+    changed = [set_key(data, reading.marks, change) for change in changes]
     problems = {**reading.problems, **(problems or {})}
     former = renamed(data, problems, changed, written=stored or of_run)
     try:
@@ -238,7 +238,7 @@ def _study(
     return study
 
 
-def _change(data: dict[str, Any], marks: dict[KeyPath, tuple[int, int]], change: str) -> KeyPath:
+def set_key(data: dict[str, Any], marks: dict[KeyPath, tuple[int, int]], change: str) -> KeyPath:
     """Set a key of plain data, as ``surface.m=6``, and return its path; it has the line of its mapping."""
     keys, value = _key_and_value(change)
     try:
