@@ -157,12 +157,18 @@ def _state(folder: Path) -> str:
     if lock.holder(folder) is not None:
         return f"running, {len(stored)} finished{failures}"
     text = run_folder.stored_study(folder) or ""
-    if run_folder.is_collected(folder, text) and not failed:
-        return "finished"
     try:
         study = loads(text, stored=True)
     except StudyError:
         return f"{len(stored)} finished{failures}, its study cannot be read"
-    surface = study.surface
-    total = len(surface.each) if isinstance(surface, HeightFile) else len(sample_plan.cases_of(study, folder))
-    return f"{len(stored)} of {total} finished{failures}"
+    collected, total = run_folder.is_collected(folder, text), None
+    if not isinstance(study.surface, HeightFile):
+        cases = sample_plan.cases_of(study, folder)
+        total = len(cases)
+        if not collected or not stored.isdisjoint(cases):  # cases of an older version have other ids
+            stored &= cases.keys()
+    elif not study.axes:  # combinations may share cases, whose ids need the files
+        total = len(study.surface.each)
+    if collected and not failed and (total is None or not stored or len(stored) >= total):
+        return "finished"
+    return f"{len(stored)}{'' if total is None else f' of {total}'} finished{failures}"

@@ -278,6 +278,26 @@ def test_ls_calls_a_run_finished_whose_dataset_has_its_study(place: Path) -> Non
     assert [run.state for run in run_status.listed(place.parent)] == ["4 of 5 finished"]
 
 
+def test_ls_counts_the_cases_of_a_run_of_some_cases_alone(study: Study, tmp_path: Path) -> None:
+    execution.run(study, out=tmp_path / "run", jobs=1, only=[study.cases()[0].id])
+    assert [run.state for run in run_status.listed(tmp_path)] == ["1 of 4 finished"]
+
+
+def test_ls_does_not_count_cases_of_another_record(place: Path) -> None:
+    other = loads(TEXT + "record: {volume_density: {bins: 5}}\n")
+    (place / "study.yaml").write_text(other.stored(), encoding="utf-8")
+    assert [run.state for run in run_status.listed(place.parent)] == ["0 of 4 finished"]
+
+
+def test_ls_counts_the_cases_of_height_files_with_a_list(tmp_path: Path) -> None:
+    np.save(tmp_path / "map.npy", np.random.default_rng(1).normal(size=(5, 5)))
+    text = "surface: {file: map.npy, L: 1 mm}\nmaterial: {E: [5 MPa, 9 MPa], nu: 0.5}\n"
+    text += "sweep: {to: {pressure: 1 MPa}, steps: 2}\n"
+    execution.run(loads(text, tmp_path / "map.yaml"), out=tmp_path / "run", jobs=1)
+    (tmp_path / "run" / "study.nc").unlink()
+    assert [run.state for run in run_status.listed(tmp_path)] == ["2 finished"]
+
+
 @pytest.mark.parametrize(
     ("old", "new"), [("steps: 4", "steps: 5"), ("D: 2.4", "D: 2.5"), ("m: 3", "m: 2"), ("seeds: 4", "seeds: [7]")]
 )
