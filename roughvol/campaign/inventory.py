@@ -15,7 +15,7 @@ from pathlib import Path
 from roughvol._version import __version__
 from roughvol.errors import DatasetError
 from roughvol.store import run_folder, stamped_file
-from roughvol.store.run_folder import case_file, checkpoint_file
+from roughvol.store.run_folder import case_file, checkpoint_file, failed_file
 from roughvol.study import Case
 
 NAMED = 10  # notices of files set aside, before the rest is only counted
@@ -54,6 +54,7 @@ def sorted_out(
     notices = _set_aside(folder, outdated, bad)
     spent = [checkpoint_file(folder, id) for id in finished]
     spent += [file(folder, id) for id in fresh for file in (case_file, checkpoint_file)]
+    spent += [failed_file(folder, id) for id in run_folder.stored_ids(folder, ".failed.json") - cases.keys()]
     try:
         for path in spent:
             path.unlink(missing_ok=True)

@@ -289,6 +289,13 @@ def test_ls_does_not_count_cases_of_another_record(place: Path) -> None:
     assert [run.state for run in run_status.listed(place.parent)] == ["0 of 4 finished"]
 
 
+def test_ls_does_not_count_failures_of_another_study(study: Study, tmp_path: Path) -> None:
+    execution.run(study, out=tmp_path / "run", jobs=1)
+    run_folder.record_failure(tmp_path / "run", "D2.40_m3_s000-00000000", "of another record", "ValueError")
+    execution.run(study, out=tmp_path / "run", jobs=1)
+    assert [run.state for run in run_status.listed(tmp_path)] == ["finished"]
+
+
 def test_ls_counts_the_cases_of_height_files_with_a_list(tmp_path: Path) -> None:
     np.save(tmp_path / "map.npy", np.random.default_rng(1).normal(size=(5, 5)))
     text = "surface: {file: map.npy, L: 1 mm}\nmaterial: {E: [5 MPa, 9 MPa], nu: 0.5}\n"
