@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from roughvol.errors import DatasetError, StudyError
-from roughvol.store.run_folder import case_file, outdated, stored_study, strangers
+from roughvol.store.run_folder import case_file, outdated, stored_ids, stored_study, strangers
 from roughvol.study import Case, HeightFile, Study, loads
 
 AXES = ("surface.D", "surface.H", "surface.m", "surface.n", "surface.seeds")
@@ -18,10 +18,10 @@ WORDS = ("name", "comment", "seal")  # keys and sections that change no stored n
 def another_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> str | None:
     """Return a message with the differences if the results in a folder are of another study, else None.
 
-    A study with more cases, fewer cases, or equal answers is the same.
+    A study with more cases, fewer cases, or equal answers is the same. A folder without a finished case has no results.
     """
     text = stored_study(folder)
-    if text is None:
+    if text is None or not (stored_ids(folder) or (folder / "study.nc").exists()):
         return None
     reasons = []
     if text != study.stored():

@@ -441,6 +441,15 @@ def test_a_failure_is_recorded_listed_and_tried_again(tmp_path: Path) -> None:
     assert said("status", tmp_path / "out").count("failed: a sweep to") == 3
 
 
+def test_a_run_without_a_finished_case_leaves_its_folder_to_a_changed_study(tmp_path: Path) -> None:
+    text = "name: s\nsurface: {D: 2.5, m: 3, seeds: 1}\nsweep: {steps: 2, to: {separation: 40}}\n"
+    with pytest.raises(CampaignError, match="1 of 1 cases failed"):
+        execution.run(loads(text), out=tmp_path, jobs=1)
+    changed = loads(text.replace("40", "1"))
+    assert len(run_status.status(changed, tmp_path).missing) == 1
+    assert execution.run(changed, out=tmp_path, jobs=1).sizes["step"] == 2
+
+
 @pytest.mark.processes
 def test_status_works_while_a_run_is_going_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("roughvol.campaign.batch.NOTED_EVERY", 0.0)
