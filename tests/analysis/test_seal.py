@@ -253,6 +253,16 @@ def test_one_map_without_a_roll_off_has_a_leak_and_no_interval(tmp_path: Path) -
     assert any("waves longer than a quadrant" in line for line in card.seal.words)
 
 
+def test_a_seal_has_no_known_leak_beyond_a_sweep_that_ended_closed_along_one_axis(tmp_path: Path) -> None:
+    text = COARSE.replace("n: 32, rolloff: 8, cut: 16", "n: 16, rolloff: 4, cut: 8").replace("seeds: 3", "seeds: 1")
+    study = loads(text.replace("to: percolation", "to: {percolation: x}"))
+    (card,) = roughvol.card(study, "pressure=9 MPa", out=tmp_path, jobs=1).cards.values()
+    assert [way.leak.value for way in card.ways] == pytest.approx([0.0, math.nan], nan_ok=True)
+    assert card.seal is not None
+    assert card.seal.plain()["leak"] is None
+    assert "no surface is pressed to this load" in card_text.seal(card.seal)
+
+
 def test_a_fluid_pressure_that_differs_from_patch_to_patch_is_refused(tmp_path: Path) -> None:
     text = COARSE.replace("record:", "record:\n  fluid_pressure: {inlet: 1 mbar}")
     with pytest.raises(StudyError, match="a patch as wide as the seal"):

@@ -100,7 +100,8 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     flow = next(way for way in ways if way.axis == patch.seal.flow)
     units = bool(flow.unit)
     isotropic = seal.is_isotropic([seal.ratios(surface.table) for surface in fine])
-    maps = patch.conductances(np.array([[surface.leak(axis) for axis in AXES] for surface in reached]), in_units=units)
+    leaks = np.array([[surface.leak(axis) for axis in AXES] for surface in reached]).reshape(-1, len(AXES))
+    maps = patch.conductances(leaks, in_units=units)
     quadrants = patch.conductances(_of_quadrants(fine[0]), in_units=units) if len(fine) == 1 else None
     shared = [part for part in flow.parts if part.name != "window"] if flow.leak.value > 0.0 else []
     heights = [found for surface in fine if (found := seal.surface_of(surface.fields)) is not None]
@@ -110,8 +111,8 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
         patch, maps, quadrants, isotropic=isotropic, representative=representative, shared=shared
     )
     if (name := f"gas_{FLOW}") in fine[0].table:
-        leaks = np.array([[surface.leak(axis, name) for axis in AXES] for surface in fine])
-        throughput = f"{number(seal.median(patch, leaks, isotropic=isotropic))} {fine[0].unit(name)}"
+        gases = np.array([[surface.leak(axis, name) for axis in AXES] for surface in fine])
+        throughput = f"{number(seal.median(patch, gases, isotropic=isotropic))} {fine[0].unit(name)}"
         gas = fine[0].table[name].attrs.get("gas", "the gas")
         words += (f"leak of {gas}: {throughput}, the median of as many sheets; the interval is that of the liquid",)
     if leak.value == 0.0 and representative:  # at most the leak of patches that close later
