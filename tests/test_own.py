@@ -49,6 +49,21 @@ def nominal(state):
 
 nominal.coordinates = {"part": range(5)}
 
+def sides(state):
+    return [state.gap[:, 0].mean(), state.gap[:, -1].mean()]
+
+sides.coordinates = {"half": [1.0, 2.0]}
+
+def words(state):
+    return [0.0, 1.0]
+
+words.coordinates = {"side": ["left", "right"]}
+
+def three(state):
+    return [0.0, 1.0, 2.0]
+
+three.coordinates = {"axis": range(3)}
+
 def failing(state):
     return 1.0 / int(state.mean_pressure * 0.0)
 
@@ -141,6 +156,10 @@ def test_a_new_version_computes_anew_and_an_absent_function_leaves_what_is_store
         ("largest_gap: 'mine:largest()'", "'mine:largest..' is no function; allowed: module:function"),
         ("Largest gap: mine:largest", "'Largest gap' is no name"),
         ("free_volume: mine:largest", "free_volume is a stored variable already"),
+        ("axis: mine:largest", "axis is a stored variable already"),
+        ("a: mine:halves, b: mine:sides", "record.own.b: mine:sides has other labels of half than another quantity"),
+        ("a: mine:words", "record.own.a: mine:words has labels of side that are no numbers"),
+        ("a: mine:three", "record.own.a: mine:three has 3 labels of axis; allowed: x and y"),
         ("", "must be a mapping of names to functions"),
     ],
 )

@@ -87,6 +87,7 @@ def labels(case: Case, surface: Surface) -> Values:
 def register(record: Record, ensemble: Ensemble | None = None) -> None:
     """Put the rows of the quantities of a study, and of their means, into the table of variables, or refuse them."""
     averaged = ensemble.accuracy.own if ensemble is not None else []
+    known: dict[str, list[float]] = {}
     for name, quantity in _of(record).items():
         try:
             row, coordinates = row_of(name, quantity), _coordinates(quantity)
@@ -96,9 +97,15 @@ def register(record: Record, ensemble: Ensemble | None = None) -> None:
         if name in averaged and coordinates:
             message = f"{quantity.target} returns an array over {', '.join(coordinates)}; allowed: a number"
             raise StudyError([Problem(message, f"ensemble.accuracy.{name}")])
+        for dim, along in coordinates.items():
+            if message := _fault(dim, along, known):
+                raise StudyError([Problem(f"{quantity.target} {message}", f"record.own.{name}")])
         rows = with_means(name, row) if name in averaged else {name: row}
-        rows |= {dim: Variable(dim, "1", dim.replace("_", " "), dim, observable=OBSERVABLE) for dim in coordinates}
-        rows.pop("axis", None)
+        rows |= {
+            dim: Variable(dim, "1", dim.replace("_", " "), dim, observable=OBSERVABLE)
+            for dim in coordinates
+            if dim != "axis"
+        }
         for variable, made in rows.items():
             present = QUANTITIES.get(variable)
             of_another = variable != name and variable in _of(record)
@@ -106,6 +113,19 @@ def register(record: Record, ensemble: Ensemble | None = None) -> None:
                 key, message = f"record.own.{name}", f"{variable} is a stored variable already: choose another name"
                 raise StudyError([Problem(message, key)])
             QUANTITIES[variable] = VARIABLES[variable] = made
+
+
+def _fault(dim: str, along: Any, known: dict[str, list[float]]) -> str:
+    """Return the fault of the labels of a dimension, empty without one; ``known`` has those of other quantities."""
+    if dim == "axis":
+        return "" if len(along) == len(AXES) else f"has {len(along)} labels of axis; allowed: {' and '.join(AXES)}"
+    try:
+        numbers = [float(label) for label in along]
+    except (TypeError, ValueError):
+        return f"has labels of {dim} that are no numbers; allowed: numbers"
+    if known.setdefault(dim, numbers) != numbers:
+        return f"has other labels of {dim} than another quantity: choose another dimension"
+    return ""
 
 
 def row_of(name: str, quantity: OwnQuantity) -> Variable:
