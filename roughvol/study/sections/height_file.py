@@ -262,7 +262,7 @@ class HeightFile(Sized):
         if not isinstance(data, dict) or not data.get("files"):
             return data
         files = _matching(data["files"], info)
-        if data.get("file", files[0]) not in files:
+        if "file" in data:
             refuse("'files' excludes 'file': give one of them")
         return {**data, "file": files[0], "files": files}
 
