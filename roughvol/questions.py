@@ -224,16 +224,13 @@ def _errors(run: StoredRun, answers: Sequence[Answer], jobs: int | None, *, clos
 
 def _card_at(run: StoredRun, load: str, jobs: int | None) -> Card:
     """Return the leak card of a run at a load of leg 1."""
-    from roughvol.analysis import leak_curve, read_off
+    from roughvol.analysis import read_off
 
     if not run.file.exists():
         read_off.refuse("the budget of the error takes runs of the study; allowed: a study file, or the name of a run")
     leg = ", leg 1" if read_off.path_words(run.dataset) else ""
-    folder, changes = run.folder.with_name(f"{run.name}_card"), list[str]()
-    patch, stored = leak_curve.patch_of(run.dataset), study_of(run.folder)[0].seal
-    if patch is not None and patch.seal != stored:  # that of --set
-        changes.append(f"seal={json.dumps(patch.seal.model_dump(mode='json'))}")
-    cards = card(run.folder, f"{load}{leg}", out=folder, jobs=jobs, changes=changes)
+    folder = run.folder.with_name(f"{run.name}_card")
+    cards = card(run.study, f"{load}{leg}", out=folder, jobs=jobs)
     return cards.cards[""]
 
 

@@ -115,6 +115,21 @@ def test_a_closing_with_a_budget_is_solved_and_has_the_interval_of_the_card() ->
         assert answer["errors"][1:] == ["solver", "grid", "window", "levelling"]
 
 
+def test_a_budget_is_of_the_height_file_of_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    Path("scans").mkdir()
+    np.save("scans/map.npy", 1e-3 * random_midpoint_displacement(2.2, 4, side=1.0, seed=1).heights)
+    made, read = "D: 2.2, m: 4, L: 200 um, Sq: 0.5 um, seeds: [1]", "file: map.npy, L: 200 um, heights_unit: mm"
+    text = STUDY.replace(made, read)
+    Path("scans/map.yaml").write_text(text, encoding="utf-8")
+    said("run", "scans/map.yaml", "--jobs", "1")
+    words = ("--closed", "--budget", "--jobs", "1")
+    assert "errors of the closing load" in said("ask", "scans/map.yaml", *words)
+    monkeypatch.chdir("scans")
+    assert "errors of the closing load" in said("ask", "../runs/map", *words)
+    np.save("map.npy", np.load("map.npy")[::-1])
+    assert "the content of map.npy has changed" in refused("ask", "../runs/map", *words)
+
+
 GAS = """
 name: gas
 surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.4 um, seeds: 1}

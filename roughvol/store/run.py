@@ -56,6 +56,15 @@ class StoredRun:
         return self.file.parent
 
     @property
+    def study(self) -> Study:
+        """Its study with the height files, which must be those of the results."""
+        if self.given is not None:
+            return self.given
+        study = study_of(self.folder)[0]
+        _check(self.file, self.dataset, study, str(self.folder), str(self.folder))
+        return study
+
+    @property
     def name(self) -> str:
         """Name of its folder; of a dataset not named ``study.nc``, that of the file without its suffix."""
         return _whole(self.file).name
