@@ -116,18 +116,20 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
 
     given = load(run, changes) if run is not None and is_study_file(run) else None
     files = [_latest()] if run is None else _files(run, given)
+    if run is not None and changes and given is None and is_run(run):
+        given, folder = study_of(run, changes)
+        files = [folder / RESULTS]  # of another name, where it is changed
+    call = shlex.join([str(run), *(word for change in changes for word in ("--set", change))])
     file = next((file for file in files if _is_file(file)), None)
     if file is None:
-        raise _no_results(str(run), files)
+        raise _no_results(str(run), files, "" if given is None else call)
     try:
         results = dataset.read(file, saved=file.name != RESULTS)
     except DatasetError as error:
         if file.suffix in DATASETS or not _is_map(file):
             raise
-        raise DatasetError(f"{file}: a height map, no run: roughvol init {file} writes a study for it") from error
-    if run is not None and changes and given is None:
-        given = study_of(run, changes)[0]
-    call = shlex.join([str(run), *(word for change in changes for word in ("--set", change))])
+        words = f"{file}: a height map, no run: roughvol init {file} writes a study for it"
+        raise DatasetError(words) from error
     _check(file, results, given, str(run), call)
     if given is not None:
         _set_seal(results, given)
@@ -266,11 +268,13 @@ def _latest() -> Path:
     return studies[-1].with_name(RESULTS)
 
 
-def _no_results(run: str, files: Sequence[Path]) -> DatasetError:
+def _no_results(run: str, files: Sequence[Path], call: str) -> DatasetError:
+    """Return the error for a run without results; ``call`` computes those of a study."""
     for folder in (file.parent for file in files if file.name == RESULTS):
         if _is_file(folder / "study.yaml"):
-            return DatasetError(f"{folder} has no {RESULTS}: its run has not ended; see: roughvol status {folder}")
-    compute = f"; to compute them: roughvol run {run}" if is_study_file(run) else ""
+            see = f"roughvol status {folder}"
+            return DatasetError(f"{folder} has no {RESULTS}: its run has not ended; see: {see}")
+    compute = f"; to compute them: roughvol run {call}" if call else ""
     return DatasetError(f"no results of {run!r}: looked for {', '.join(map(str, files))}{compute}")
 
 

@@ -137,6 +137,14 @@ def test_a_copied_study_nc_opens_in_a_folder_of_its_own(place: Path) -> None:
     assert [StoredRun.open(run).name for run in ("elsewhere", "elsewhere/kept.nc")] == ["elsewhere", "kept"]
 
 
+def test_a_run_by_name_with_another_name_is_the_run_of_that_name(place: Path) -> None:
+    changes = ["--set", "surface.m=3", "--set", "name=coarse"]
+    assert said("run", "tiny", *changes, "--jobs", "1").endswith("runs/coarse/study.nc\n")
+    assert said("show", "tiny", *changes) == said("show", "coarse")
+    absent = refused("show", "tiny", "--set", "surface.m=3", "--set", "name=other")
+    assert "to compute them: roughvol run tiny --set surface.m=3 --set name=other" in absent
+
+
 def test_a_name_longer_than_any_file_has_no_results(place: Path) -> None:
     for command in ("show", "status", "plot"):
         refused(command, "n" * 300)
