@@ -128,7 +128,7 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
     except DatasetError as error:
         if file.suffix in DATASETS or not _is_map(file):
             raise
-        words = f"{file}: a height map, no run: roughvol init {file} writes a study for it"
+        words = f"{file}: a height map, no run: roughvol init {_word(file)} writes a study for it"
         raise DatasetError(words) from error
     _check(file, results, given, str(run), call)
     if given is not None:
@@ -183,7 +183,7 @@ def study_of(run: str | Path, changes: Sequence[str] = ()) -> tuple[Study, Path]
         if whole and path.suffix not in STUDY_SUFFIXES and _is_file(path):
             reason = "; ".join(problem.message for problem in error.problems)
             words = "a height map, no study" if _is_map(path) else f"{reason}. If it is a height map"
-            problem = Problem(f"{words}: roughvol init {path} writes a study for it", file=str(path))
+            problem = Problem(f"{words}: roughvol init {_word(path)} writes a study for it", file=str(path))
             raise StudyError([problem]) from error
         raise
     return study, run_folder.folder_of(study)
@@ -272,7 +272,7 @@ def _no_results(run: str, files: Sequence[Path], call: str) -> DatasetError:
     """Return the error for a run without results; ``call`` computes those of a study."""
     for folder in (file.parent for file in files if file.name == RESULTS):
         if _is_file(folder / "study.yaml"):
-            see = f"roughvol status {folder}"
+            see = f"roughvol status {_word(folder)}"
             return DatasetError(f"{folder} has no {RESULTS}: its run has not ended; see: {see}")
     compute = f"; to compute them: roughvol run {call}" if call else ""
     return DatasetError(f"no results of {run!r}: looked for {', '.join(map(str, files))}{compute}")
@@ -283,7 +283,7 @@ def _check(file: Path, results: Dataset, given: Study | None, run: str, call: st
     stored = str(results.attrs.get("study", ""))
     within = _of_another_folder(file, results, stored)
     if given is not None and (lines := _of_another_study(file, results, stored, given)):
-        show = "" if within else f"; to see what the folder holds: roughvol show {file.parent}"
+        show = "" if within else f"; to see what the folder holds: roughvol show {_word(file.parent)}"
         message = (
             f"{file} does not hold the results of {run} (stored → {run}):\n{_indented(lines)}\n"
             f"to compute them: roughvol run {call}{show}"
@@ -338,6 +338,11 @@ def _of_other_cases(results: Dataset, ids: Collection[str]) -> list[str]:
     if not held or not ids or not set(held).isdisjoint(ids):
         return []
     return [f"cases: {held[0]} → {min(ids)}, of other heights or of a version with other answers"]
+
+
+def _word(path: Path) -> str:
+    """Return a path as a word of a shell."""
+    return shlex.quote(str(path))
 
 
 def _indented(lines: Sequence[str]) -> str:

@@ -145,6 +145,14 @@ def test_a_run_by_name_with_another_name_is_the_run_of_that_name(place: Path) ->
     assert "to compute them: roughvol run tiny --set surface.m=3 --set name=other" in absent
 
 
+def test_commands_in_messages_have_paths_as_words_of_a_shell(place: Path) -> None:
+    shutil.copy("tiny.yaml", "my tiny.yaml")
+    assert "roughvol run 'my tiny.yaml' --set name=other" in refused("show", "my tiny.yaml", "--set", "name=other")
+    shutil.copytree("runs/tiny", "my run")
+    Path("my run/study.nc").unlink()
+    assert "roughvol status 'my run'" in refused("show", "my run")
+
+
 def test_a_name_longer_than_any_file_has_no_results(place: Path) -> None:
     for command in ("show", "status", "plot"):
         refused(command, "n" * 300)
