@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from roughvol.analysis import leak_curve
 from roughvol.store import dataset
 from roughvol.surfaces.midpoint import random_midpoint_displacement
-from tests.kit import answered, call, ran, refused, said
+from tests.kit import ROOT, answered, call, ran, refused, said
 
 pytestmark = pytest.mark.usefixtures("here")
 CREEP = ("--law", "creep.yaml", "--at")
@@ -195,3 +196,22 @@ def test_creep_of_a_closed_seal_draws_nothing() -> None:
     assert shown.exit_code == 0, shown.output
     assert "no figure is drawn" in shown.output
     assert not Path("runs/tight/creep.png").exists()
+
+
+@pytest.mark.slow
+def test_the_page_of_read_offs_has_what_its_commands_print() -> None:
+    page = (ROOT / "docs/how-to/read-offs.md").read_text(encoding="utf-8")
+    law = re.search(r"^prony: [^#]*", page, re.MULTILINE)
+    assert law is not None
+    Path("creep.yaml").write_text(law[0], encoding="utf-8")
+    for example in ("seal", "scan"):
+        said("init", example)
+        said("run", f"{example}.yaml", "--jobs", "1")
+    shown = re.findall(r"^\$ roughvol ([^\n]*)\n(.*?)\n```", page, re.MULTILINE | re.DOTALL)
+    assert [command.split()[0] for command, _ in shown] == ["ask", "ask", "creep"]
+    for command, text in shown:
+        printed = said(*shlex.split(command))
+        number = r"(?<![\w.])\d+(?:\.\d+)?(?:e-?\d+)?"
+        assert re.sub(number, "", text).split() == re.sub(number, "", printed).split()
+        there, now = (list(map(float, re.findall(number, some))) for some in (text, printed))
+        assert there == pytest.approx(now, rel=0.02)
