@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from roughvol.store import dataset
-from tests.kit import answered, ran, refused, said
+from tests.kit import answered, call, ran, refused, said
 
 WET = """
 surface: {D: [2.2, 2.4], m: 4, L: 500 um, Sq: 2 um, seeds: 2}
@@ -93,6 +93,17 @@ def test_a_load_acts_on_the_whole_period() -> None:
 )
 def test_what_cannot_be_shown_is_refused_in_one_message(arguments: list[str], part: str) -> None:
     assert part in refused(*arguments)
+
+
+def test_show_names_the_combinations_that_do_not_reach_a_load() -> None:
+    moduli = DRY.replace("{E_star: 10 MPa}", "{E_star: [1 MPa, 10 MPa]}")
+    ran("moduli", moduli)
+    done = call("show", "moduli", "--at", "pressure=0.02MPa")
+    shutil.rmtree("runs/moduli")
+    assert done.exit_code == 0
+    assert "E_star = 10 MPa" in done.stdout
+    assert "E_star = 1 MPa" not in done.stdout
+    assert "moduli, E_star = 1 MPa has no state at pressure=0.02 MPa" in done.stderr
 
 
 def test_compare_puts_runs_side_by_side_at_equal_loads() -> None:

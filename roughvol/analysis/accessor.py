@@ -20,10 +20,11 @@ from roughvol.analysis.derived import check_pressed, derived, groups
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import DatasetError
 from roughvol.store.variants import chosen, parts_of, whole
-from roughvol.study import Level, level, quantity, text_of_value
+from roughvol.study import AXES, Level, level, quantity, text_of_value
 from roughvol.typing import Load, Number
 
 NAME = "dataset"  # in messages: a dataset has no name of its own
+SURFACES = (*AXES, "D", "m", "seed", "case")
 ABSENT = "no variable {!r}; ds.roughvol.derived() adds nominal pressure and mean gap"
 
 
@@ -103,6 +104,7 @@ class Accessor:
             return _together(found)
 
         result = self._by_part(of_part)
+        result = result.reindex({name: self._ds[name] for name in SURFACES if name in result.dims})
         result["reached"] = (result["reached"] == 1.0).assign_attrs(
             units="1", long_name="the surface reaches the level"
         )
@@ -247,13 +249,19 @@ class Accessor:
         return average.averages(self._ds, over)
 
     def _by_part(self, function: Callable[[Dataset], Dataset]) -> Dataset:
-        """Return what a function returns for each combination of the lists of a study, joined again."""
-        found = []
+        """Return what a function returns for the combinations of the lists that have an answer, joined again."""
+        found, missing = [], list[DatasetError]()
         for part in parts_of(self._ds.expand_dims(chosen(self._ds))):
-            result = function(part.dataset)
+            try:
+                result = function(part.dataset)
+            except DatasetError as error:
+                missing.append(error)
+                continue
             for name, label in part.labels.items():
                 result = result.expand_dims({name: [label]})
             found.append(result)
+        if not found:
+            raise missing[0]
         joined = _together(found).assign_attrs(self._ds.attrs)
         return joined.isel({name: 0 for name in chosen(self._ds) if name in joined.dims})
 

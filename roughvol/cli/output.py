@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import errno
 import io
+import itertools
 import json
 import math
 import os
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
+from roughvol.errors import DatasetError
 from roughvol.report import terminal
 from roughvol.store import stamped_file
 
@@ -67,10 +69,22 @@ def say_table(table: Table) -> None:
 
 
 def say_parts(run: Run, tables: Callable[[Run], Iterable[Table]]) -> None:
-    """Print the tables of each combination of a run, with the combination in front of their titles."""
+    """Print the tables of each combination of a run, with the combination in front of their titles.
+
+    A combination without an answer is a warning, a run without an answer a `DatasetError`.
+    """
+    found, missing = [], list[DatasetError]()
     for part in run.parts:
-        for table in tables(part):
-            say_table(table.under(part.name.removeprefix(run.name).removeprefix(", ")))
+        words = part.name.removeprefix(run.name).removeprefix(", ")
+        try:
+            found.append([table.under(words) for table in tables(part)])
+        except DatasetError as error:
+            missing.append(error)
+    if not found:
+        raise missing[0]
+    for table in itertools.chain(*found):
+        say_table(table)
+    warn(map(str, missing))
 
 
 def say_numbers(

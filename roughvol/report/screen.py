@@ -175,10 +175,17 @@ def records(run: Run, levels: Sequence[Level] = ()) -> Records:
     units = {name: str(run.dataset[name].attrs.get("units", "1")) for name in parts[0].labels}
     common: dict[str, str] = {}
     rows: list[dict[str, Any]] = []
+    missing: list[DatasetError] = []
     for part in parts:
-        found, own = _records(Run.of(run.name, part.dataset), levels, common)
+        try:
+            found, own = _records(Run.of(run.name, part.dataset), levels, common)
+        except DatasetError as error:
+            missing.append(error)
+            continue
         rows += [part.labels | row for row in found]
         units |= own
+    if len(missing) == len(parts):
+        raise missing[0]
     return _plain_rows(rows, units)
 
 

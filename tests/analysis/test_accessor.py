@@ -36,6 +36,18 @@ def test_a_surface_that_does_not_reach_a_level_is_missing(swept: Dataset) -> Non
     assert 0 < int(found["reached"].sum()) < ends.size
 
 
+def test_a_level_that_some_surfaces_alone_reach_keeps_the_labels_of_all(swept: Dataset) -> None:
+    ends = swept.roughvol.derived()["nominal_pressure"].isel(step=-1)
+    level = 0.999 * float(ends.max())  # no surface of 10 MPa, and one of 20 MPa
+    found = swept.roughvol.at(pressure=f"{level} MPa")
+    reached = (ends >= level).transpose(*found["reached"].dims)
+    assert int(reached.sum()) == 1
+    assert dict(found["reached"].sizes) == dict(reached.sizes)
+    assert np.array_equal(found["reached"].values, reached.values)
+    assert np.array_equal(found["free_volume"].notnull().values, reached.values)
+    assert len(roughvol.show(swept, f"pressure={level} MPa").rows) == int(reached.sum())
+
+
 def test_the_mean_and_its_count_leave_out_missing_surfaces(swept: Dataset) -> None:
     found = swept.roughvol.at(pressure=float(swept["mean_pressure"].isel(step=-1).median()))
     means = found.roughvol.mean("seed")
