@@ -123,14 +123,15 @@ class _Repair:
         if self.context is not None:
             self.context[ABSENT] = True
         faults = {plain_path(item["loc"], self.data): item for item in error.errors(include_url=False)}
-        for path, item in sorted(faults.items(), key=lambda pair: [str(part) for part in pair[0]], reverse=True):
+        for path in sorted(faults, key=lambda path: [(isinstance(part, int), part) for part in path], reverse=True):
+            item = faults[path]
             if is_absent(item) and self.context is not None:
                 continue
             if not path:
                 return False
             if isinstance(path[-1], int):
-                given = functools.reduce(operator.getitem, path[:-1], self.data)
-                del self.items.setdefault(path[:-1], list(range(len(given))))[path[-1]]
+                listed = functools.reduce(operator.getitem, path[:-1], self.data)
+                del self.items.setdefault(self.place(path[:-1]), list(range(len(listed))))[path[-1]]
             elif item["type"] != "extra_forbidden":
                 self.keys.add(path)
             self.data = _without(self.data, path)
@@ -138,9 +139,11 @@ class _Repair:
 
     def place(self, path: KeyPath) -> KeyPath:
         """Return a place in the repaired data as a place in the given data."""
-        *key, last = path
-        left = self.items.get(tuple(key))
-        return (*key, left[last]) if left is not None and isinstance(last, int) else path
+        given: KeyPath = ()
+        for part in path:
+            left = self.items.get(given)
+            given = (*given, left[part] if left is not None and isinstance(part, int) else part)
+        return given
 
 
 def _without(data: Any, path: KeyPath) -> Any:
