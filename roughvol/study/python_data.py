@@ -46,7 +46,7 @@ def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
             return whole
         problems[path] = f"must be a finite number, given a whole number of {whole.bit_length()} bits"
         return None
-    if isinstance(number, numbers.Real):
+    if isinstance(number, numbers.Real) or hasattr(number, "as_integer_ratio"):  # a decimal is no Real
         return float(number)
     if isinstance(number, os.PathLike) and isinstance(text := os.fspath(number), str):
         return text

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import warnings
+from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -123,6 +124,7 @@ OBJECTS = [
     {"E": 10 * UNITS.MPa, "nu": np.float64(0.5), "L": 500 * UNITS.micrometer, "to": {"pressure": 0.1 * UNITS.MPa}},
     {"E": 0.01 * UNITS.GPa, "nu": np.float32(0.5), "L": 0.5 * UNITS.mm, "to": {"pressure": 1.0 * UNITS.bar}},
     {"E": "10 MPa", "nu": Fraction(1, 2), "L": "500 um", "to": {"pressure": xr.DataArray(0.1, attrs={"units": "MPa"})}},
+    {"E": "10 MPa", "nu": Decimal("0.5"), "L": "500 um", "to": {"pressure": "0.1 MPa"}},
     {"E": np.str_("10 MPa"), "nu": np.array(0.5), "L": "500 µm", "to": {"pressure": "0.1 MPa"}, "steps": np.int64(2)},
 ]
 
