@@ -176,6 +176,7 @@ def test_processes_and_threads_start_in_one_place_each() -> None:
         "campaign.workers": PROCESSES + THREADS,
         "campaign.cluster": ("threading", "concurrent.futures.Future"),
         "contact.convolution": ("concurrent.futures.ThreadPoolExecutor",),
+        "surfaces.files.netcdf": ("threading.RLock",),
     }
     wrong = [
         f"{module}: {name}"

@@ -35,6 +35,7 @@ from roughvol.observables.variables import ALONG, AXES, DTYPES, FIELDS, MISSING,
 from roughvol.store import small_file, stamped_file
 from roughvol.store.stamped_file import FORMAT
 from roughvol.study import Case
+from roughvol.surfaces.files.netcdf import ONE_AT_A_TIME
 
 __all__ = ["Arrays", "Dataset", "build", "combine", "read", "write"]
 
@@ -100,11 +101,12 @@ def to_bytes(dataset: Dataset) -> bytes:
     arrays, labels = arrays_of(dataset), stamped_file.labels_of(dataset.attrs)
     if "case_id" in dataset.attrs and small_file.fits(arrays, SMALL):
         return stamped_file.stamped(small_file.content(arrays, COORDS, dataset.attrs), labels)
-    store = netCDF4.Dataset("memory.nc", "w", format="NETCDF4", memory=4096)
-    try:
-        dataset.dump_to_store(NetCDF4DataStore(store), encoding=_encoding(dataset))
-    finally:
-        content = bytes(store.close())
+    with ONE_AT_A_TIME:
+        store = netCDF4.Dataset("memory.nc", "w", format="NETCDF4", memory=4096)
+        try:
+            dataset.dump_to_store(NetCDF4DataStore(store), encoding=_encoding(dataset))
+        finally:
+            content = bytes(store.close())
     return stamped_file.stamped(content, labels)
 
 
@@ -169,12 +171,13 @@ def _with_axis(dataset: Dataset) -> Dataset:
 def _opened(content: bytes) -> Dataset:
     """Return a loaded dataset. In memory, netcdf-c reads past the end of some netCDF-3 files; scipy does not."""
     if not content.startswith(b"CDF"):
-        stored = netCDF4.Dataset("memory.nc", memory=content)
-        try:
-            return xr.load_dataset(NetCDF4DataStore(stored))
-        finally:
-            if stored.isopen():
-                stored.close()
+        with ONE_AT_A_TIME:
+            stored = netCDF4.Dataset("memory.nc", memory=content)
+            try:
+                return xr.load_dataset(NetCDF4DataStore(stored))
+            finally:
+                if stored.isopen():
+                    stored.close()
     dataset = xr.load_dataset(io.BytesIO(content), engine="scipy")
     short = {str(name): v.astype("int64") for name, v in dataset.variables.items() if v.dtype == "int32"}
     return dataset.assign(short)  # netCDF-3 has no longer integers
@@ -195,7 +198,7 @@ def read_arrays(path: Path) -> tuple[Arrays, dict[str, str], stamped_file.Labels
             texts = {name: value.decode() for name, value in file._attributes.items() if isinstance(value, bytes)}
             arrays = _decoded(file.variables)
         else:
-            with netCDF4.Dataset("memory.nc", memory=content) as stored:
+            with ONE_AT_A_TIME, netCDF4.Dataset("memory.nc", memory=content) as stored:
                 stored.set_auto_maskandscale(False)
                 texts = {name: str(stored.getncattr(name)) for name in stored.ncattrs()}
                 arrays = _decoded(stored.variables)

@@ -22,6 +22,7 @@ from roughvol.observables.variables import VARIABLES
 from roughvol.store import dataset, provenance, run_folder, stamped_file
 from roughvol.store.dataset import Dataset
 from roughvol.study import Case, loads
+from tests.kit import python
 
 FFT = {"library": "FFTW", "planner": "FFTW_ESTIMATE", "threads": "1"}
 STEPS = 3
@@ -322,3 +323,37 @@ def test_variables_of_an_older_version_along_x_and_y_are_joined(tmp_path: Path) 
     assert_array_equal(read.critical_position.sel(axis="y", coordinate="x").values.ravel(), [4.0, 6.0])
     for name in ("leak_rate", "flux", "critical_position"):
         assert " ".join(map(str, read[name].dims)) == VARIABLES[name].dims.replace("...", "D m seed")
+
+
+THREADS = """
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from roughvol.store import dataset
+from roughvol.surfaces.files import memory, reading
+
+
+def turn(number):
+    folder = Path(sys.argv[1]) / str(number)
+    folder.mkdir()
+    whole = xr.Dataset({f"v{k}": ("x", np.full(9, number + k)) for k in range(20)}, attrs={"format": "roughvol 1"})
+    heights = xr.DataArray(np.full((5, 5), float(number)), dims=("x", "y"))
+    for _ in range(20):
+        dataset.write(whole, folder / "study.nc")
+        assert dataset.read(folder / "study.nc").equals(whole)
+        assert (reading.read(memory.write(heights, folder)) == number).all()
+    return number
+
+
+with ThreadPoolExecutor(4) as pool:
+    assert list(pool.map(turn, range(8))) == list(range(8))
+"""
+
+
+def test_threads_write_and_read_at_once(tmp_path: Path) -> None:
+    """In a process of its own: netcdf-c crashes where two threads are in it."""
+    python("-c", THREADS, tmp_path)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
+from roughvol.surfaces.files.netcdf import ONE_AT_A_TIME
 from roughvol.surfaces.length_units import named
 from roughvol.typing import Array
 
@@ -129,7 +130,7 @@ def _attributes(attributes: Mapping[Any, Any]) -> Text:
 def _netcdf(path: Path, heights: Array, dims: tuple[str, ...], attributes: Text, coordinates: Coordinates) -> Path:
     from netCDF4 import Dataset
 
-    with Dataset(path, "w", format="NETCDF3_64BIT_OFFSET") as stored:
+    with ONE_AT_A_TIME, Dataset(path, "w", format="NETCDF3_64BIT_OFFSET") as stored:
         for dim, nodes in zip(dims, heights.shape, strict=True):
             stored.createDimension(dim, nodes)
         for name, along, values, texts in [

@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ _AXES = (
     re.compile(r"(?:.*_)?(?:y|lat|latitude|northing)", re.IGNORECASE),
 )
 ENDINGS = (".nc", ".nc4", ".cdf")
+ONE_AT_A_TIME = RLock()  # netcdf-c crashes where two threads are in it
 _EVEN = 1e-3  # largest distance of a coordinate from its node, in spacings
 _SAME = 1e-4  # largest relative difference of a length from its coordinates
 
@@ -47,6 +49,7 @@ def opened(request: Request) -> HeightMap:
     from netCDF4 import Dataset
 
     path, ignored = request.path, request.ignore_header
+    request.files.enter_context(ONE_AT_A_TIME)
     stored = request.files.enter_context(Dataset(path))
     name = _field(path, stored, request.variable)
     field = stored[name]
