@@ -37,6 +37,7 @@ LIVES = 2  # processes that may die of a task before it is given up
 
 _messages: Any = None  # of a worker process, set at its start: the queue to the parent
 _stop: Any = None  # and the event at which tasks are to end
+_hiding = threading.Lock()  # a second thread would take the module that hides __main__ for it
 _computes_here: ContextVar[bool | None] = ContextVar("computes_here", default=None)  # set by in_this_process
 
 
@@ -257,9 +258,10 @@ def _leave_with_parent() -> None:
 @contextlib.contextmanager
 def _without_main() -> Iterator[None]:
     """Hide ``__main__`` while a process starts."""
-    main = sys.modules["__main__"]
-    sys.modules["__main__"] = types.ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
+    with _hiding:
+        main = sys.modules["__main__"]
+        sys.modules["__main__"] = types.ModuleType("__main__")
+        try:
+            yield
+        finally:
+            sys.modules["__main__"] = main

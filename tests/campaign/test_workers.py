@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,18 @@ def test_every_task_ends_once_and_errors_come_back(place: str, request: pytest.F
     assert set(told) <= set(begun)
     assert [(number, stopped) for number, _, stopped in ended.values()] == [(number, False) for number in ended]
     assert ({pid for _, pid, _ in ended.values()} == {os.getpid()}) == (place != "processes")
+    assert sys.modules["__main__"] is main
+
+
+def test_threads_that_start_processes_at_once_leave_main_as_it_is() -> None:
+    main = sys.modules["__main__"]
+
+    def start(seconds: float) -> None:
+        with workers._without_main():
+            time.sleep(seconds)
+
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(start, [0.2, 0.4]))
     assert sys.modules["__main__"] is main
 
 
