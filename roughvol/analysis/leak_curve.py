@@ -24,7 +24,7 @@ import numpy as np
 import scipy
 from xarray import Dataset
 
-from roughvol.analysis.closing import SOLVED, Span, span_of, spans
+from roughvol.analysis.closing import SOLVED, Span, solved_loads, span_of, spans
 from roughvol.analysis.derived import groups
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import FEW_DRAWS, Patch, closing_of, conductance_of, is_isotropic, ratios
@@ -265,13 +265,28 @@ def _of_seal(run: Dataset, patch: Patch) -> Curve:
     steps = longest.pressure[kept]
     inner = steps[(steps > low * (1.0 + REACHED)) & (steps < high * (1.0 - REACHED))]
     pressure = np.array([low, *inner, *([high] if low < high < math.inf else [])])
+    isotropic = is_isotropic([ratios(table) for _, table in surfaces(run)])
+    end = _solved_end(run, patch, isotropic=isotropic)
+    if end <= high:  # a solved closing load is a closed step
+        pressure = np.append(pressure[pressure < end * (1.0 - REACHED)], max(end, low))
     leaks = np.stack([[curve.at(pressure).value for curve in ways[axis]] for axis in AXES], axis=-1)
     values = np.moveaxis(patch.conductances(leaks, in_units=True), 1, 0)[:, :, np.newaxis]
-    isotropic = is_isotropic([ratios(table) for _, table in surfaces(run)])
     found = [conductance_of(some, patch.patches, isotropic=isotropic, draws=FEW_DRAWS).value for some in values]
+    leak = np.where(pressure < end * (1.0 - REACHED), found, 0.0) * patch.squares
     starred = longest.starred[-1] / longest.pressure[-1]
     Sq = float(np.mean([curve.Sq for curve in ways[patch.seal.flow]]))
-    return Curve(SEAL, pressure, np.array(found) * patch.squares, pressure * starred, Sq)
+    return Curve(SEAL, pressure, leak, pressure * starred, Sq)
+
+
+def _solved_end(run: Dataset, patch: Patch, *, isotropic: bool) -> float:
+    """Return the nominal pressure at which a seal closes, from solved closing loads; infinite without them."""
+    if SOLVED not in run:
+        return math.inf
+    tables = [table.expand_dims("seed") for _, table in surfaces(run)]
+    found = [[solved_loads(table, axis, "nominal_pressure")[0] for axis in patch.axes] for table in tables]
+    values = np.where(np.isnan(found), ENDLESS, found)[:, np.newaxis]
+    closes = closing_of(values, patch.patches, isotropic=isotropic).value
+    return closes if closes < ENDLESS else math.inf
 
 
 def surfaces(run: Dataset) -> list[tuple[str, Dataset]]:

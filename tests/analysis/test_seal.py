@@ -319,6 +319,22 @@ def test_a_seal_is_read_off_from_the_load_that_all_surfaces_have(
     assert words in said("ask", "joint", "--leak-rate", "1 m^3/s")
 
 
+def test_a_seal_leaks_no_more_beyond_its_solved_closing_load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = COARSE.replace("transmissivity: every-step", "transmissivity: every-step, closing: true")
+    text = text.replace("to: percolation", "to: {pressure: 0.04 MPa}").replace("seeds: 3", "seeds: [3, 4, 5]")
+    Path("joint.yaml").write_text(text)
+    ds = roughvol.run("joint.yaml", jobs=1)
+    (closed,) = roughvol.ask(ds).answers
+    (least,) = roughvol.ask(ds, leak_rate="1e-30 mm^3/s").answers
+    assert 0.04 < closed.value < 0.9 * 0.01 * float(ds.closing_pressure.sel(axis="x").max())  # one patch closes later
+    assert least.value == least.high == pytest.approx(closed.value)
+    Path("law.yaml").write_text("table: {times: [1 s, 2 s], ratios: [1, 1.02]}")
+    history = roughvol.creep(ds, "law.yaml", at=f"pressure={0.99 * closed.value} MPa", times="1 s, 2 s")
+    assert history.leak["x"].open.tolist() == [1, 0]
+    assert history.leak["x"].value[0] > history.leak["x"].value[1] == 0.0
+
+
 def test_a_table_has_the_number_of_its_sheets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All steps have fewer than one load. Flows between the steps are explained after a run too."""
     monkeypatch.chdir(tmp_path)
