@@ -3,9 +3,9 @@
 A later leg begins at the last step of the leg before. Between two steps, a number lies on the straight line over the
 quantity of the level; a leak rate, a flow or an opening on the straight line of its logarithm. A way that closes
 between two steps is open up to the second step, and its flow lies on the straight line to 0 there. Where a study has
-its closing load solved, the way is open up to this load, and its flow lies on the straight line over p* to 0 there.
-Counts are those of the step beyond. A state that a study records is the state solved for it; before the first step it
-has the numbers recorded for it alone.
+its closing load solved, the way is open up to this load, and its flow and opening lie on the straight line over p* to 0
+there. Counts are those of the step beyond. A state that a study records is the state solved for it; before the first
+step it has the numbers recorded for it alone.
 
 A step that misses a level by less than `level.REACHED` is the level. A sweep that ended at a target has reached this
 target, and a listed load is the step solved for it. A surface whose sweep ended before a higher load is closed there if
@@ -257,15 +257,20 @@ def _apart(group: Dataset, reached: list[int], places: list[float]) -> float:
 def _close_where_solved(
     data: Dataset, group: Dataset, reached: list[int], places: list[float], own: Mapping[str, Array]
 ) -> None:
-    """Let ways that close between two steps leak along a straight line over p* to 0 at their solved closing load."""
+    """Let the flow and the opening of ways that close between two steps fall to 0 at their solved closing load.
+
+    They lie on a straight line over p* from the open step.
+    """
     count = len(reached)
     load = data[P].values[:count]
     if P in own:
         load = np.where(np.isfinite(own[P][reached]), own[P][reached], load)
     closes = group[SOLVED].transpose("seed", "axis").values[reached]
     ends = [end[:, np.newaxis] for end in _around(group, P, reached, places)]
-    for name in leak.zero_beyond(data):
-        if name not in data or "step" not in group[name].dims:
+    lifted = (*leak.LIFTED, "open") if leak.is_lifted(data) else ()  # the fluid may keep these open
+    names = [str(name) for name, variable in data.data_vars.items() if variable.dims == ("seed", "axis")]
+    for name in names:
+        if name in lifted or "step" not in group[name].dims or not name.startswith((*BY_LOGARITHM, *WAYS)):
             continue
         before, after = _around(group, name, reached, places)
         with np.errstate(invalid="ignore"):

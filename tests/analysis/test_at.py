@@ -271,12 +271,16 @@ def test_a_way_is_closed_from_its_solved_closing_load_on(tmp_path: Path) -> None
 def test_elastic_contact_opens_at_the_load_at_which_it_closes(tmp_path: Path) -> None:
     legs = "[{pressures: [0.01 MPa, 2 MPa]}, {pressures: [1.9 MPa, 0.01 MPa]}]"
     text = SEAL.replace("{steps: 10, to: percolation}", legs)
-    text = text.replace("every-step, trans", "every-step, closing: true, trans")
+    text = text.replace("every-step, trans", "every-step, closing: true, constriction: every-step, trans")
     ds = roughvol.run(loads(text), out=tmp_path / "seal", jobs=1)
     closes = ds.closing_pressure * (ds.nominal_pressure / ds.mean_pressure).isel(step=0)
-    for load in (0.5 * float(closes.min()), float(closes.median()), float(closes.max())):
+    for load in (0.5 * float(closes.min()), 1.001 * float(closes.median()), 1.001 * float(closes.max())):
         up, down = (ds.roughvol.at(pressure=f"{load:.9g} MPa", leg=leg) for leg in (1, 2))
         assert_allclose(up.open, down.open)
+        for found in (up, down):
+            way = (closes > load).transpose(*found.open.dims)
+            for name in ("open", "percolates", "critical_gap", "transmissivity", "leak_rate"):
+                assert np.array_equal(found[name].transpose(*way.dims) > 0.0, way), name
 
 
 def test_a_listed_load_of_a_later_leg_is_the_step_solved_for_it(tmp_path: Path) -> None:
