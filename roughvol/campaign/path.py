@@ -108,20 +108,17 @@ class Path:
     def _reaching(self, target: Level, so_far: Reduction) -> float:
         """Return Δ/σ at a state on the way from the last one."""
         case, surface, states = self._case, self._surface, so_far.states
-        target = _level(target, surface, plastic=case.plastic)
+        target = _level(target, surface, plastic=case.plastic, first=not states)
         if not states and not case.plastic:
             return self.first(target)
         if not (searched(target, surface) or target.kind.startswith("percolation")):
-            end = _plane(target, surface)
-            return end if states else _positive(end, target)
+            return _plane(target, surface)
         options, goal = self._options, target_of(target, case, surface)
         largest = options.hardness
         if target.kind == "pressure" and largest is not None and goal.value > largest:
             message = f"p* = {goal.value:.6g} is not reached: pressures end at the hardness, p* = {largest:.6g}"
             raise ContactError(message)
         if not states:
-            if target.kind == "indentation":
-                _positive(goal.value, target)
             trials = Trials(surface, self._half_space, options)
             return state_crossing(trials, goal, trials.untouched).approach
         last, before = states[-1], states[-2]["indentation"] if len(states) > 1 else -np.inf
@@ -155,17 +152,16 @@ class Path:
         if predicate is not None:
             return first_indentation(surface, half_space, predicate, options)
         if not searched(target, surface):
-            return _positive(_plane(target, surface), target)
+            return _plane(target, surface)
         kind, value = target.kind, target.value or 0.0
         if kind in ("indentation", "separation"):
-            _positive(_plane(target, surface), target)
             kind, value = "free_volume", value if kind == "separation" else _plane(Level("separation", value), surface)
         return indentation_for(surface, half_space, kind, value, options)
 
 
 def last_indentation(case: Case, surface: Surface, half_space: Compliance) -> float:
     """Return Δ/σ at the end of the first leg: on a plane, at a value given, or where the search for one ends."""
-    return Path(case, surface, half_space).first(_level(case.sweep.legs[0].target, surface))
+    return Path(case, surface, half_space).first(_level(case.sweep.legs[0].target, surface, first=True))
 
 
 def _even(leg: Sweep, low: float, high: float, number: int) -> list[float]:
@@ -183,13 +179,22 @@ def _even(leg: Sweep, low: float, high: float, number: int) -> list[float]:
     return list((low * (high / low) ** places).tolist())
 
 
-def _level(target: Level, surface: Surface, *, plastic: bool = False) -> Level:
-    """Return the level of a target on an endless surface, where no plane can pass the mean one unless it yields."""
-    if not surface.endless or target.kind not in ("indentation", "separation", "mean-plane", "summit-plane"):
+def _level(target: Level, surface: Surface, *, plastic: bool = False, first: bool = False) -> Level:
+    """Return the level of a target on an endless surface, where no plane can pass the mean one unless it yields.
+
+    Of the ``first`` state, a plane before first touch is refused on any surface.
+    """
+    if target.kind not in ("indentation", "separation", "mean-plane", "summit-plane"):
         return target
-    indentation, deepest = _plane(target, surface), _plane(Level("mean-plane"), surface)
+    indentation = _plane(target, surface)
+    if first and not indentation > 0.0:
+        message = f"a sweep to {target.label} would end at Δ/σ = {indentation:.6g}"
+        raise ContactError(f"{message}; allowed: beyond first touch, Δ/σ > 0")
+    if not surface.endless:
+        return target
     if plastic:
         return Level("indentation", indentation)
+    deepest = _plane(Level("mean-plane"), surface)
     if indentation > deepest * (1.0 + 1e-12):
         message = (
             f"a sweep to {target.label} would end at Δ/σ = {indentation:.6g}; allowed on a {surface.sides} surface: "
@@ -208,10 +213,3 @@ def _plane(target: Level, surface: Surface) -> float:
         return (surface.z_max - texture.summit_plane(surface.with_neighbours)) / surface.unit
     # d/σ = value; 0 on the mean plane
     return (surface.z_max - surface.mean_height) / surface.unit - (target.value or 0.0)
-
-
-def _positive(end: float, target: Level) -> float:
-    if not end > 0.0:
-        message = f"a sweep to {target.label} would end at Δ/σ = {end:.6g}; allowed: beyond first touch, Δ/σ > 0"
-        raise ContactError(message)
-    return end

@@ -535,6 +535,8 @@ def test_a_sweep_without_legs_is_refused() -> None:
         (UNITS + LEAKING + "sweep: {steps: 1, to: {leak_rate: 1e9 mm^3/s}}", "first touch already"),
         (UNITS + "sweep: {steps: 3, to: {pressure: 2}, equal: log pressure, first: 3}", r"first step is at p\* = 3"),
         (PERIOD + "sweep: {steps: 3, to: {indentation: 50}}", "allowed on a periodic surface: up to"),
+        (PERIOD + "sweep: {steps: 3, to: {separation: 40}}", "a sweep to separation=40 would end at .*beyond first"),
+        (PERIOD + HARD + "sweep: {steps: 3, to: {separation: 40}}", "a sweep to separation=40 would end at .*beyond"),
         (
             PLAIN + "sweep: [{steps: 2, to: {indentation: 1}}, {steps: 2, to: {separation: %r}}]\n",
             "leg 2 has no length",
