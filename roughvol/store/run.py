@@ -14,7 +14,7 @@ import contextlib
 import json
 import shlex
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -173,7 +173,11 @@ def study_of(run: str | Path, changes: Sequence[str] = ()) -> tuple[Study, Path]
         for folder in _folders(run):
             if _is_file(folder / "study.yaml"):
                 text = run_folder.stored_study(folder) or ""
-                study = loads(text, _beside_heights(text, folder), of_run=True, changes=changes)
+                source = _beside_heights(text, folder)
+                try:
+                    study = loads(text, source, of_run=True, changes=changes)
+                except StudyError as error:
+                    raise StudyError([_placed(problem, source, folder) for problem in error.problems]) from error
                 renamed = any(change.partition("=")[0].strip() == "name" for change in changes)
                 return study, run_folder.folder_of(study) if renamed else folder
     try:
@@ -198,6 +202,11 @@ def _is_map(path: Path) -> bool:
     except (DatasetError, SurfaceError):
         return False
     return True
+
+
+def _placed(problem: Problem, source: Path, folder: Path) -> Problem:
+    """Return a problem of the study of a run with the path of its study.yaml."""
+    return replace(problem, file=str(folder / "study.yaml")) if problem.file == str(source) else problem
 
 
 def _beside_heights(text: str, folder: Path) -> Path:

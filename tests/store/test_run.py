@@ -153,6 +153,13 @@ def test_commands_in_messages_have_paths_as_words_of_a_shell(place: Path) -> Non
     assert "roughvol status 'my run'" in refused("show", "my run")
 
 
+def test_a_problem_of_a_stored_study_is_placed_in_its_file(place: Path) -> None:
+    Path("heights.txt").rename("moved.txt")
+    assert "runs/scan/study.yaml:2: surface.file: no such file" in refused("status", "scan")
+    Path("runs/tiny/study.yaml").write_text("name: [\n", encoding="utf-8")
+    assert "runs/tiny/study.yaml:2: not YAML" in refused("status", "tiny")
+
+
 def test_a_name_longer_than_any_file_has_no_results(place: Path) -> None:
     for command in ("show", "status", "plot"):
         refused(command, "n" * 300)
