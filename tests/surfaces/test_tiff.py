@@ -55,6 +55,14 @@ def test_a_tiff_gives_its_size_where_a_tag_is_no_default(
     assert reading.describe(path, ignore_header=True).sides is None
 
 
+def test_a_tiff_with_another_unit_along_y_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "z.ome.tif"
+    description = OME % 'PhysicalSizeXUnit="nm" PhysicalSizeYUnit="um"'
+    tifffile.imwrite(path, GREY, metadata=None, description=description)
+    refused(path, "x is in nm, y in um; allowed: one unit for both")
+    assert reading.describe(path, ignore_header=True).sides is None
+
+
 def test_a_page_is_named_by_its_number(tmp_path: Path) -> None:
     path = tmp_path / "z.tif"
     tifffile.imwrite(path, np.stack([GREY, 2.0 * GREY]), photometric="minisblack")

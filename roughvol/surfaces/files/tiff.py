@@ -84,9 +84,12 @@ def _pixel(path: Path, stored: Any, page: Any) -> tuple[tuple[float, float] | No
     if ome:
         sizes = {key: re.search(rf'PhysicalSize{key}="([^"]+)"', ome) for key in "XY"}
         if sizes["X"] and sizes["Y"]:
-            match = re.search(r'PhysicalSizeXUnit="([^"]+)"', ome)
-            unit = length_unit(path, match[1], "PhysicalSizeXUnit") if match else "um"  # the default of OME
-            return (float(sizes["X"][1]), float(sizes["Y"][1])), unit, "PhysicalSizeX of OME"
+            units = {key: re.search(rf'PhysicalSize{key}Unit="([^"]+)"', ome) for key in "XY"}
+            x = length_unit(path, units["X"][1], "PhysicalSizeXUnit") if units["X"] else "um"  # the default of OME
+            y = length_unit(path, units["Y"][1], "PhysicalSizeYUnit") if units["Y"] else x
+            if x != y:
+                raise SurfaceError(f"{path}: x is in {x or 'pixels'}, y in {y or 'pixels'}; allowed: one unit for both")
+            return (float(sizes["X"][1]), float(sizes["Y"][1])), x, "PhysicalSizeX of OME"
     scale = _tag(page, _PIXEL_SCALE)
     if scale is not None:
         return (float(scale[0]), float(scale[1])), None, "tag ModelPixelScale"
