@@ -60,9 +60,10 @@ def check(study: Path, look: bool, out: Path | None, jobs: int | None, as_json: 
 def _look(found: Checked, folder: Path) -> Path:
     """Draw the surface of the first case into a folder, and return the path of the picture."""
     from roughvol.report.figures import surface_picture
+    from roughvol.store import stamped_file
 
     case, path = found.study.cases()[0], folder / f"{found.study.name}-look.png"
-    folder.mkdir(parents=True, exist_ok=True)
+    stamped_file.make_folder(folder)
     surface_picture.write(found.surface, case.length_unit, case.label, path)
     return path
 

@@ -100,7 +100,7 @@ def _write(figure: Drawing, target: Path) -> None:
     from roughvol.store import stamped_file
 
     if target.suffix != ".csv":
-        target.parent.mkdir(parents=True, exist_ok=True)
+        stamped_file.make_folder(target.parent)
         figure.savefig(target)
         return
     points = list(content.data(figure))

@@ -23,7 +23,7 @@ def tradeoff(study: Path, out: Path | None, as_json: bool, changes: tuple[str, .
     from roughvol.questions import study_of
     from roughvol.report import convergence
     from roughvol.report.figures import registry
-    from roughvol.store import dataset
+    from roughvol.store import dataset, stamped_file
 
     loaded, folder = study_of(given(study, changes), changes)
     folder, show = out or folder, sys.stderr.isatty()
@@ -34,7 +34,7 @@ def tradeoff(study: Path, out: Path | None, as_json: bool, changes: tuple[str, .
     lines = []
     for name, figure in registry.TRADEOFF.items():
         if figure.missing(measured) is None:
-            (folder / "figures").mkdir(exist_ok=True)
+            stamped_file.make_folder(folder / "figures")
             figure(measured).savefig(folder / "figures" / f"{name}.png")
             lines.append(str(folder / "figures" / f"{name}.png"))
     if as_json:

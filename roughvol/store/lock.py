@@ -47,7 +47,8 @@ def opened(folder: Path) -> Iterator[None]:
     """
     path, progress = folder / "lock", folder / "progress.json"
     try:
-        stamped_file.make_folder(folder / "cases")
+        for place in (folder, folder / "cases"):
+            stamped_file.make_folder(place)
         handle = _acquire(path)
     except FolderError:
         raise

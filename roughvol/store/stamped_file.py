@@ -36,6 +36,8 @@ _REASONS = {
     errno.EACCES: "the folder may not be written",
     errno.EPERM: "the folder may not be written",
     errno.ENOENT: "the folder has vanished",
+    errno.EEXIST: "it is no folder",
+    errno.ENOTDIR: "it is within a file",
     errno.EIO: "the disk does not work",
     errno.EFBIG: "the file is larger than is allowed (ulimit -f)",
     errno.EMFILE: "too many open files (ulimit -n)",
@@ -65,10 +67,7 @@ def store(path: Path, content: bytes) -> None:
 
 def write(path: Path, content: bytes) -> None:
     """Write a file that is either whole or absent, in a folder that is made if it is absent."""
-    try:
-        make_folder(path.parent)
-    except OSError as error:
-        raise cannot_write(path, error) from error
+    make_folder(path.parent)
     store(path, content)
 
 
@@ -79,10 +78,13 @@ def aside_of(path: Path) -> Path:
 
 def make_folder(folder: Path) -> None:
     """Make a folder and its parents, safe against a power cut."""
-    absent = [parent for parent in (folder, *folder.parents) if not parent.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
-    for parent in absent:
-        _sync_folder(parent.parent)
+    try:
+        absent = [parent for parent in (folder, *folder.parents) if not parent.exists()]
+        folder.mkdir(parents=True, exist_ok=True)
+        for parent in absent:
+            _sync_folder(parent.parent)
+    except OSError as error:
+        raise cannot_write(folder, error) from error
 
 
 def cannot_write(path: Path, error: OSError) -> FolderError:

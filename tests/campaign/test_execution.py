@@ -304,7 +304,7 @@ def test_a_refused_run_writes_nothing(tmp_path: Path, text: str, options: dict[s
 
 def test_a_folder_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(DatasetError, match=r"cannot write .*file: Not a directory"):
+    with pytest.raises(DatasetError, match=r"cannot write .*file: it is no folder"):
         run(loads(FEW), out=tmp_path / "file")
 
 
