@@ -69,7 +69,7 @@ def _every(study: Study) -> int:
 
 
 def _exact(target: Target, study: Study) -> bool:
-    """Return whether a mean needs no interpolation: at the last step, also that of a sweep to its own percolation."""
+    """Return whether a mean needs no interpolation: at a solved state, also at the end of a sweep to percolation."""
     if target.state == PERCOLATION:
         return study.sweep.target.kind == CLOSING[target.stored]
-    return target.state.value is None
+    return target.state.value is None or study.sweep.legs[0].step_of(target.state) is not None

@@ -113,7 +113,7 @@ def value_at(series: Series, stored: str, state: Level, case: Case) -> float:
 
 
 def error_at(series: Series, stored: str, state: Level, case: Case, every: int) -> float:
-    """Return the signed error of a quantity at a state with every k-th step alone, k ≥ 2; 0 at the last step."""
+    """Return the signed error of a quantity at a state with every k-th step alone, k ≥ 2; 0 where a step is it."""
     if stored in CLOSING:
         if case.sweep.legs[0].target.kind == CLOSING[stored]:
             return 0.0
@@ -124,6 +124,8 @@ def error_at(series: Series, stored: str, state: Level, case: Case, every: int) 
         return 0.0
     along = series[stored_name(state.kind)]
     step = _step(along, state, case)
+    if step is not None and step in kept_steps(len(along), every):
+        return 0.0
     value = state.value if step is None else float(along[step])
     return error_of_fewer_steps(along, series[stored], value, every)
 

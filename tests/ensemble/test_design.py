@@ -161,6 +161,14 @@ def test_the_last_step_and_listed_states_need_no_interpolation() -> None:
     assert listed.errors == (0.0,)
 
 
+def test_a_state_that_a_step_reaches_needs_no_interpolation() -> None:
+    end = rounds.step_errors(_choosing("contact_area: 1 %", "sweep: {steps: 4, to: {pressure: 0.3}}"))
+    assert end == StepErrors((0.0,), 0)
+    sweep = "sweep: {steps: 4, equal: pressure, to: {pressure: 0.6}}"
+    further = rounds.step_errors(_choosing("contact_area: 1 %", sweep))
+    assert further.errors == (0.0,)
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("few", [False, True])
