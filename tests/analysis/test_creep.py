@@ -114,7 +114,9 @@ def test_what_is_no_law_is_refused(text: str, words: str, tmp_path: Path) -> Non
 def test_times_are_a_range_or_a_list() -> None:
     assert_allclose(read_times("1 s..100 s"), np.logspace(0, 2, 9))
     assert_allclose(read_times("1 s, 1 min,1 day"), [1, 60, 86400])
-    for wrong in ("", "1 MPa", "2 s, 1 s", "0 s..1 s", "1e400 s", "1 s..1e400 s"):
+    times = read_times("1e-300 s..1e300 s")
+    assert (times[0], times[-1]) == (1e-300, 1e300)
+    for wrong in ("", "1 s...1 h", "1 MPa", "2 s, 1 s", "0 s..1 s", "1e400 s", "1 s..1e400 s"):
         with pytest.raises(StudyError, match="times are"):
             read_times(wrong)
 

@@ -244,7 +244,7 @@ def read_times(times: Any) -> list[float]:
     """
     listed = text_of_value(times, "times")
     text = ", ".join(listed) if isinstance(listed, list) else listed
-    first, dots, last = text.partition("..")
+    first, dots, last = text.rpartition("..")
     try:
         given = [_seconds(read(part.strip(), "time")) for part in ((first, last) if dots else text.split(","))]
     except ValueError as error:
@@ -254,9 +254,10 @@ def read_times(times: Any) -> list[float]:
         raise StudyError([Problem(f"times are {text!r}; allowed: > 0, rising")])
     if not dots:
         return given
-    decades = math.log10(given[1] / given[0])
+    decades = math.log10(given[1]) - math.log10(given[0])
     count = min(_MOST, max(2, math.ceil(_PER_DECADE * decades) + 1))
-    return [given[0] * 10.0 ** (decades * k / (count - 1)) for k in range(count)]
+    inner = (10.0 ** (math.log10(given[0]) + decades * k / (count - 1)) for k in range(1, count - 1))
+    return [given[0], *inner, given[1]]
 
 
 def _seconds(time: float) -> float:
