@@ -22,6 +22,8 @@ import numpy as np
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array, Index
 
+ROUNDING = 1e-9  # of a wave number q L/(2π)
+
 
 @dataclass(frozen=True, eq=False)
 class Spectral:
@@ -43,11 +45,11 @@ def spectral(surface: Surface) -> Spectral:
     (rows, columns), spacing, unit = surface.shape, surface.spacing, surface.unit
     power, conjugates = _powers(surface)
     wave = np.hypot(np.fft.fftfreq(rows, spacing)[:, None], np.fft.rfftfreq(columns, spacing)[None, :])
-    ring = np.rint(wave * surface.side).astype(np.int64).ravel()
+    ring = _rings(wave, surface).ravel()
     counts = np.broadcast_to(conjugates, power.shape)
     moments = [np.bincount(ring, (power * counts * (2.0 * math.pi * wave) ** order).ravel()) for order in (0, 2, 4)]
     numbers = np.bincount(ring, counts.ravel())
-    last = math.floor(surface.side / (2.0 * spacing) + 1e-9)  # the shortest wave along an axis
+    last = math.floor(surface.side / (2.0 * spacing) + ROUNDING)  # the shortest wave along an axis
     shown = slice(1, last + 1)
     with np.errstate(invalid="ignore", divide="ignore"):
         density = moments[0][shown] / numbers[shown] * (rows * columns * spacing * spacing) * unit * unit
@@ -81,13 +83,19 @@ def octaves(surface: Surface) -> Array:
         np.fft.rfftfreq(surface.shape[1], surface.spacing),
         indexing="ij",
     )
-    ring = np.rint(np.hypot(along_x, along_y) * surface.side)
+    ring = _rings(np.hypot(along_x, along_y), surface)
     octave = np.floor(np.log2(np.maximum(ring, 1.0))).astype(np.int64)
-    inside = (ring > 0.0) & (2.0 ** (octave + 2) * surface.spacing <= surface.side)
+    inside = (ring > 0) & (2.0 ** (octave + 2) * surface.spacing <= surface.side)
     shares = power * conjugates / float((power * conjugates).sum() or 1.0)
     sides = (inside & (along_x >= along_y), inside & (along_y >= along_x))
     count = int(octave[inside].max(initial=0)) + 1
     return np.stack([np.bincount(octave[side], shares[side], count) for side in sides])
+
+
+def _rings(wave: Array, surface: Surface) -> Index:
+    """Return the ring k of each wave, k - ½ ≤ q L/(2π) < k + ½; halves are waves of a period of two sides."""
+    ring: Index = np.floor(wave * surface.side + 0.5 + ROUNDING).astype(np.intp)
+    return ring
 
 
 def _powers(surface: Surface) -> tuple[Array, Array]:
