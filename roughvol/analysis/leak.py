@@ -40,7 +40,7 @@ def fluid_of(ds: Dataset) -> str:
 
 def is_lifted(ds: Dataset) -> bool:
     """Return whether a run has states under fluid pressure, so that the dry leak is not the leak."""
-    return STATE in ds.dims or "leak_rate_dry" in ds or "transmissivity_dry" in ds
+    return STATE in ds.dims or "flow" in ds or any(f"{name}_dry" in ds for name in DRY)
 
 
 def counted(ds: Dataset) -> Dataset:
@@ -134,7 +134,8 @@ def zero_beyond(ds: Dataset) -> tuple[str, ...]:
 
 def ways(group: Dataset) -> str:
     """Return the variable that follows the ways through the dry gap, step by step; empty without one."""
-    return next((name for name in ("open_dry", "open") if name in group), "")
+    name = "open_dry" if is_lifted(group) else "open"
+    return name if name in group else ""
 
 
 def closed(group: Dataset) -> Array:
