@@ -344,7 +344,8 @@ def _take(data: Dataset, own: dict[str, Array], group: Dataset, reached: list[in
         if name in data and of in own:
             made, starred = ((beyond[one].values, before[one].values) for one in (name, of))
             known = starred[0] != 0.0  # V* is 0 in full contact
-            ratio = np.where(known, made[0], made[1]) / np.where(known, *starred)
+            with np.errstate(invalid="ignore"):  # 0 at both steps
+                ratio = np.where(known, made[0], made[1]) / np.where(known, *starred)
             own[name] = np.full(group.sizes["seed"], np.nan)
             own[name][reached] = ratio * own[of][reached]
     taken = {}

@@ -286,6 +286,15 @@ def test_a_way_is_closed_from_its_solved_closing_load_on(tmp_path: Path) -> None
     assert bool((recorded.leak_rate.where(shut, 0.0) == 0.0).all())
 
 
+def test_a_recorded_state_in_full_contact_has_no_gap(tmp_path: Path) -> None:
+    text = SEAL.replace("{steps: 10, to: percolation}", "{pressures: [0.02 MPa, 2 MPa]}")
+    text = text.replace("record:", "record:\n  fields_at: {pressure: 2 MPa}")
+    found = roughvol.run(loads(text), out=tmp_path / "seal", jobs=1).roughvol.at(pressure="2 MPa")
+    assert_allclose(found.contact_area_fraction, 1.0)
+    assert_allclose(found.mean_gap, 0.0)
+    assert_allclose(found.nominal_pressure, 2.0, rtol=1e-5)
+
+
 def test_elastic_contact_opens_at_the_load_at_which_it_closes(tmp_path: Path) -> None:
     legs = "[{pressures: [0.01 MPa, 2 MPa]}, {pressures: [1.9 MPa, 0.01 MPa]}]"
     text = SEAL.replace("{steps: 10, to: percolation}", legs)
