@@ -19,7 +19,7 @@ from roughvol.analysis import average, units
 from roughvol.analysis.derived import check_pressed, derived, groups
 from roughvol.analysis.stored_run import Run
 from roughvol.errors import DatasetError
-from roughvol.store.variants import chosen, parts_of, whole
+from roughvol.store.variants import chosen, parts_of, recorded, whole, widened
 from roughvol.study import AXES, Level, level, quantity, text_of_value
 from roughvol.typing import Load, Number
 
@@ -251,7 +251,7 @@ class Accessor:
     def _by_part(self, function: Callable[[Dataset], Dataset]) -> Dataset:
         """Return what a function returns for the combinations of the lists that have an answer, joined again."""
         found, missing = [], list[DatasetError]()
-        for part in parts_of(self._ds.expand_dims(chosen(self._ds))):
+        for part in parts_of(widened(self._ds)):
             try:
                 result = function(part.dataset)
             except DatasetError as error:
@@ -263,7 +263,8 @@ class Accessor:
         if not found:
             raise missing[0]
         joined = _together(found).assign_attrs(self._ds.attrs)
-        return joined.isel({name: 0 for name in chosen(self._ds) if name in joined.dims})
+        single = (*chosen(self._ds), *recorded(self._ds))
+        return joined.isel({name: 0 for name in single if name in joined.dims})
 
 
 def _level(state: Load, kind: dict[str, Number], leg: int | None) -> Level:

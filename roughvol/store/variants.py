@@ -14,6 +14,7 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.errors import DatasetError, StudyError
+from roughvol.observables.variables import STATES, VARIABLES
 from roughvol.store import dataset
 from roughvol.study import AXES, Axis, Study, Variant, loads
 
@@ -50,14 +51,31 @@ def chosen(results: Dataset) -> list[str]:
     return [name for name in (*AXES, "D", "m", "seed", "case") if name in results.coords and name not in results.dims]
 
 
+def recorded(results: Dataset) -> list[str]:
+    """Return the dimensions of recorded states of which a dataset has one label, and no dimension."""
+    return [name for name in STATES if name in results.coords and name not in results.dims]
+
+
+def widened(results: Dataset) -> Dataset:
+    """Return a dataset with the dimensions of all lists, surfaces and recorded states."""
+    full = results.expand_dims(chosen(results))
+    for dim in recorded(full):
+        rows = {str(name): VARIABLES[str(name)].dims.split() for name in full.data_vars if name in VARIABLES}
+        along = {name: full[name].expand_dims(dim) for name, dims in rows.items() if dim in dims}
+        full = full.drop_vars([dim, *along]).assign(
+            {name: one.transpose(..., *rows[name][1:], missing_dims="ignore") for name, one in along.items()}
+        )
+    return full
+
+
 def whole(results: Dataset) -> Dataset:
-    """Return a dataset with the dimensions of all lists and surfaces; a `DatasetError` if it lacks those of a state."""
+    """Return a dataset as `widened` does; a `DatasetError` if it lacks the dimensions of a state."""
     for name, least in (("step", 1), ("axis", 2)):
         if name in results.coords and results.sizes.get(name, 0) < least:
             label = np.atleast_1d(results[name].values)[0]
             kept = "both axes" if name == "axis" else f"the dimension kept, as .sel(step=[{label}])"
             raise DatasetError(f"the dataset has {name} {label} alone; allowed: {kept}")
-    full = results.expand_dims(chosen(results))
+    full = widened(results)
     if "mean_pressure" in full and "step" in full.dims:
         surfaces = next((full.sizes[name] for name in ("case", "seed") if name in full.dims), 0)
         lacks = "surface" if not surfaces else "Sq" if "Sq" not in full else ""

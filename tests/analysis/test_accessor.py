@@ -112,6 +112,18 @@ def test_the_choice_of_a_label_and_the_question_may_be_exchanged(swept: Dataset,
     assert roughvol.plot(chosen, "v_of_p").axes
 
 
+def test_the_choice_of_a_recorded_state_changes_no_number() -> None:
+    heights = np.random.Generator(np.random.PCG64(4)).normal(size=(12, 15))
+    legs = [{"steps": 3, "to": {"contact_area": 0.4}}, {"steps": 2, "to": {"contact_area": 0.1}}]
+    ds = roughvol.press(heights, L=1.0, sweep=legs, record={"fields_at": {"contact_area": [0.25]}})
+    chosen = ds.isel(field_at=0)
+    whole, part = (one.roughvol.at(contact_area=0.25) for one in (ds, chosen))
+    assert float(part["free_volume"]) == float(whole["free_volume"])
+    assert float(part["free_volume"]) == float(ds["field_at_free_volume"].item())
+    assert roughvol.show(chosen, "contact_area=0.25").rows == roughvol.show(ds, "contact_area=0.25").rows
+    assert chosen.roughvol.derived()["gap"].dims == ("x", "y")
+
+
 def test_heights_in_another_unit_change_no_load(swept: Dataset) -> None:
     in_mm = swept.roughvol.in_units(Sq="mm")
     for level in ("0.02 MPa", "20 kPa"):
