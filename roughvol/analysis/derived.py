@@ -32,7 +32,7 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
     if nominal is None and {"Sq", P} <= set(ds) and study is not None and study.material.unit:
         nominal = ds[P] * sigma(ds) * (study.material.contact_modulus / float(ds["L"]))
         nominal = nominal.assign_attrs(units=study.material.unit, symbol="p")
-    if nominal is not None:  # an unloaded surface has p* of rounding
+    if nominal is not None and P in ds:  # an unloaded surface has p* of rounding
         found["nominal_pressure"] = nominal.where(abs(ds[P]) > ROUNDING, 0.0 * nominal).assign_attrs(nominal.attrs)
     # any of them is 0 where the way is closed; the first one stored is taken
     for name in ("percolates", "critical_gap", "transmissivity"):
@@ -49,8 +49,8 @@ def _attributes(name: str) -> dict[str, str]:
 
 def _stiffness(ds: Dataset, study: Study | None) -> dict[str, DataArray]:
     """Return the interfacial stiffness on the first leg, and the conductance that follows."""
-    first = first_leg(ds)
     try:
+        first = first_leg(ds)
         pressure, gap = (first[name].transpose(..., "step") for name in (P, V))
         stiffness = pressure.copy(data=interfacial_stiffness(pressure.values, gap.values)).reindex(step=ds["step"])
     except (ContactError, KeyError, ValueError):  # pressures that do not rise throughout, as of a region; one step

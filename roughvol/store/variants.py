@@ -72,13 +72,16 @@ def whole(results: Dataset) -> Dataset:
     """Return a dataset as `widened` does; a `DatasetError` if it lacks the dimensions of a state."""
     for name, least in (("step", 1), ("axis", 2)):
         if name in results.coords and results.sizes.get(name, 0) < least:
+            if not results[name].size:
+                raise DatasetError(f"the dataset has no {name}; allowed: states with their labels and variables")
             label = np.atleast_1d(results[name].values)[0]
             kept = "both axes" if name == "axis" else f"the dimension kept, as .sel(step=[{label}])"
             raise DatasetError(f"the dataset has {name} {label} alone; allowed: {kept}")
     full = widened(results)
     if "mean_pressure" in full and "step" in full.dims:
         surfaces = next((full.sizes[name] for name in ("case", "seed") if name in full.dims), 0)
-        lacks = "surface" if not surfaces else "Sq" if "Sq" not in full else ""
+        needed = ("Sq",) if "case" in full.dims else ("D", "m", "Sq")
+        lacks = next((name for name in needed if name not in full), "") if surfaces else "surface"
         if lacks:
             raise DatasetError(f"the dataset has no {lacks}; allowed: surfaces with their labels and variables")
     return full

@@ -144,15 +144,27 @@ def test_a_question_on_one_step_or_one_axis_is_refused(swept: Dataset) -> None:
                 ask(chosen)
 
 
+def test_what_follows_from_a_step_or_a_part_of_the_variables_is_derived() -> None:
+    heights = np.random.Generator(np.random.PCG64(5)).normal(size=(9, 9))
+    legs = [{"steps": 2, "to": {"contact_area": 0.4}}, {"steps": 2, "to": {"contact_area": 0.1}}]
+    ds = roughvol.press(heights, L="100 um", E_star="10 MPa", sweep=legs).drop_vars("mean_gap")
+    last = ds.isel(step=-1).roughvol.derived()
+    assert float(last["mean_gap"]) == float(ds.roughvol.derived()["mean_gap"][-1])
+    part = ds[["nominal_pressure", "free_volume", "Sq"]].roughvol.derived()
+    assert np.array_equal(part["nominal_pressure"], ds["nominal_pressure"])
+
+
 @pytest.mark.parametrize(
     ("choose", "word"),
     [
         (lambda ds: ds.sel(E=20.0, drop=True), "lost its label of E"),
         (lambda ds: ds.isel(seed=0, drop=True), "has no surface"),
         (lambda ds: ds.isel(seed=[]), "has no surface"),
+        (lambda ds: ds.isel(D=0, drop=True), "has no D;"),
+        (lambda ds: ds.isel(step=[]), "has no step;"),
         (lambda ds: ds[["mean_pressure"]], "has no Sq"),
     ],
-    ids=["list", "seed", "none", "variable"],
+    ids=["list", "seed", "none", "D", "step", "variable"],
 )
 def test_a_choice_without_what_a_question_needs_is_refused(
     swept: Dataset, choose: Callable[[Dataset], Dataset], word: str
