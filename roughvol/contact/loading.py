@@ -170,7 +170,9 @@ def _step(
     solve_one = SOLVERS[problem.options.method]
     if pressure_error is not None and indentation > problem.touch:
         least = problem.least_pressure(indentation, latest)
-        tolerance = min(tolerance, pressure_error * least / problem.expected_stiffness(latest, previous))
+        stiffness = problem.expected_stiffness(latest, previous)
+        if stiffness > 0.0:  # none where all of the contact has yielded; the bound of the state decides below
+            tolerance = min(tolerance, pressure_error * least / stiffness)
     problem.check_reachable(indentation, tolerance)
     if indentation <= problem.touch:
         return problem.record(problem.untouched(indentation), counts)

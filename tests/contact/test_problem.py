@@ -107,6 +107,14 @@ def test_error_of_the_pressure_asked_for_is_certified(asked):
         assert contact.mean_pressure_bound <= asked
 
 
+def test_error_of_a_pressure_that_no_longer_rises_is_certified():
+    """Two steps with one pressure: the whole contact has yielded, and no further element touches."""
+    surface, hardness = Surface(np.pad([[3.0]], 2), 1.0), 1e-3
+    for contact in swept(surface, (0.1, 0.2, 0.3, 0.4), hardness=hardness, pressure_error=1e-2):
+        assert contact.mean_pressure == pytest.approx(hardness / surface.heights.size)
+        assert contact.mean_pressure_bound <= 1e-2
+
+
 def test_load_is_never_lost_below_the_tolerance():
     """Random surfaces, tolerances and indentations down to 1e-6 σ, where no load at all would meet the residual."""
     rng = random(11)
