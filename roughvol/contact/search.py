@@ -296,7 +296,7 @@ def state_crossing(trials: Trials, target: Target, start: Contact, end: Contact 
     if (far is touch and excess(far) < 0.0) or (before and excess(touch) >= 0.0):
         return _apart(trials, target)
     near = touch if before else start  # nothing to solve before the first touch
-    reach, solves = (CROSSING_GROWTH - 1.0) * (near.approach or near.separation), 0
+    reach, solves = (CROSSING_GROWTH - 1.0) * (near.approach or near.separation or 1.0), 0  # 1 on a flat surface
     while far is None or excess(far) < 0.0:
         if far is not None:
             full = not target.elements and far.contact_area_fraction >= 1.0

@@ -224,6 +224,14 @@ def on_the_way_back(hardness, rtol):
     return top, trials, trials.known(top.state(), top.residual)
 
 
+@every_side
+@pytest.mark.parametrize("target", [pressure(2.0), area(1.0)])
+def test_a_flat_surface_that_yields_reaches_a_value(sides, target):
+    surface = Surface(np.zeros((7, 7)), 1.0, sides=sides)
+    trials = Trials(surface, half_space(surface.shape, sides=sides), hardness=10.0)
+    assert target.measure(state_crossing(trials, target, trials.untouched)) == pytest.approx(target.value, rel=1e-5)
+
+
 def test_unloading_to_no_pressure_leaves_a_surface_that_touches_nothing():
     top, trials, start = on_the_way_back(5.0, 1e-9)
     state = state_crossing(trials, pressure(0.0), start)
