@@ -168,8 +168,8 @@ def _interpolation_remark(estimate: MeanEstimate) -> str:
 
 
 def _relative(estimate: MeanEstimate, error: float) -> str:
-    """Return an error relative to the mean if the accuracy is relative, else as it is."""
-    if not estimate.target.accuracy.relative:
-        return f"{error:.2g}"
+    """Return an error relative to a mean other than 0 if the accuracy is relative, else as it is."""
     mean = abs(estimate.mean.value)
-    return f"{100.0 * error / mean:.2g} %" if mean else "inf %"
+    if not estimate.target.accuracy.relative or not mean:
+        return f"{error:.2g}"
+    return f"{100.0 * error / mean:.2g} %"

@@ -27,7 +27,7 @@ from roughvol.typing import Array
 PERCOLATION = Level("percolation")  # state of the closing pressures, which belong to no state of the study
 OF_VOID = ("percolates", "connected_volume_fraction", "transmissivity")  # of the numbers along the steps
 
-SMALLEST = 1e-300  # half-width in place of 0, for a relative accuracy of a mean of 0
+SMALLEST = 1e-150  # half-width in place of 0, for a relative accuracy of a mean of 0; its square is a number > 0
 
 Arrays = Mapping[str, tuple[tuple[str, ...], NDArray[Any]]]  # stored variables of a case: dimensions and values
 Series = Mapping[str, Array]  # quantities along the steps, shapes (steps + 1,); percolates (steps + 1, axes)

@@ -107,6 +107,11 @@ def test_a_mean_without_a_limit_at_a_given_m_says_so() -> None:
     assert np.isnan(answer.variables(found)["free_volume_bias"][1]).all()
 
 
+def test_a_mean_of_zero_on_all_surfaces_is_zero_without_an_error() -> None:
+    found = _driven(asked(5, "5 %"), made(dict.fromkeys((3, 4, 5), 0.0)))
+    assert "m = 5: 0 ± 0 (seeds" in answer.sentences(found)[0]
+
+
 def test_a_budget_ends_it_and_says_what_was_reached() -> None:
     seconds = itertools.count(0.0, 40.0)
     found = _driven(asked(6, "0.1 %", ", budget: 1 min"), made({4: 1.0, 5: 1.0, 6: 1.0}), seconds=lambda: next(seconds))
