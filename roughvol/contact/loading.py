@@ -180,6 +180,14 @@ def _step(
     solved = solve_one(problem, indentation, latest, previous, tolerance)
     contact = problem.record(solved, counts, latest)
     while pressure_error is not None and contact.mean_pressure_bound > pressure_error:
+        left = contact.mean_pressure_bound * problem.leg.carried / contact.residual
+        if left >= pressure_error:  # no solve of this state lowers it
+            message = (
+                f"the residual of the legs before leaves a relative error of {left:.2g} in p* = "
+                f"{contact.mean_pressure:.3g}; allowed: {pressure_error:g}. A smaller rtol lowers it, of a study a "
+                f"smaller max_error.free_volume"
+            )
+            raise ContactError(message)
         tolerance = 0.5 * solved.residual * pressure_error / contact.mean_pressure_bound
         problem.check_reachable(indentation, tolerance)
         iterations, solved = solved.iterations, solve_one(problem, indentation, solved, latest, tolerance)

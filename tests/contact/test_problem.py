@@ -10,6 +10,7 @@ import pytest
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials, solve, sweep
 from roughvol.contact.options import Tuning
+from roughvol.errors import ContactError
 from roughvol.surfaces.surface import Surface
 from tests.contact.kit import (
     dense,
@@ -113,6 +114,16 @@ def test_error_of_a_pressure_that_no_longer_rises_is_certified():
     for contact in swept(surface, (0.1, 0.2, 0.3, 0.4), hardness=hardness, pressure_error=1e-2):
         assert contact.mean_pressure == pytest.approx(hardness / surface.heights.size)
         assert contact.mean_pressure_bound <= 1e-2
+
+
+def test_an_error_of_the_pressure_left_by_the_leg_before_is_named():
+    surface, space = Surface(random(1).standard_normal((9, 9)), 1.0), half_space((9, 9))
+    asked = {"hardness": 5.0, "pressure_error": 1e-3, "tuning": ITERATED}
+    top = next(sweep(surface, space, [2.0], rtol=1e-2, **asked))
+    touch = Trials(surface, space, rtol=1e-2, hardness=5.0, after=top.state(), turned=True).problem.touch
+    with pytest.raises(ContactError, match=r"the legs before .* allowed: 0\.001\. A smaller rtol lowers it"):
+        swept(surface, (2.0, touch + 1e-4), rtol=1e-2, **asked)
+    assert swept(surface, (2.0, touch + 1e-4), rtol=1e-9, **asked)[-1].mean_pressure_bound <= 1e-3
 
 
 def test_load_is_never_lost_below_the_tolerance():
