@@ -17,14 +17,13 @@ from xarray import Dataset
 from roughvol.analysis import at as states
 from roughvol.analysis import average, units
 from roughvol.analysis.derived import check_pressed, derived, groups
-from roughvol.analysis.stored_run import Run
+from roughvol.analysis.stored_run import Run, answers
 from roughvol.errors import DatasetError
-from roughvol.store.variants import chosen, parts_of, recorded, whole, widened
-from roughvol.study import AXES, Level, level, quantity, text_of_value
+from roughvol.store.variants import SURFACES, chosen, parts_of, recorded, whole, widened
+from roughvol.study import Level, level, quantity, text_of_value
 from roughvol.typing import Load, Number
 
 NAME = "dataset"  # in messages: a dataset has no name of its own
-SURFACES = (*AXES, "D", "m", "seed", "case")
 ABSENT = "no variable {!r}; ds.roughvol.derived() adds nominal pressure and mean gap"
 
 
@@ -93,15 +92,8 @@ class Accessor:
 
         def of_part(part: Dataset) -> Dataset:
             run = Run.of(NAME, part)
-            found, missing = [], list[DatasetError]()
-            for _, group in groups(derived(part, run.study)):
-                try:
-                    found.append(_labelled(states.at(run, group, wanted)))
-                except DatasetError as error:
-                    missing.append(error)
-            if not found:
-                raise missing[0]
-            return _together(found)
+            every, _ = answers(groups(derived(part, run.study)), lambda group: states.at(run, group[1], wanted))
+            return _together([_labelled(state) for _, state in every])
 
         result = self._by_part(of_part)
         result = result.reindex({name: self._ds[name] for name in SURFACES if name in result.dims})
@@ -250,18 +242,11 @@ class Accessor:
 
     def _by_part(self, function: Callable[[Dataset], Dataset]) -> Dataset:
         """Return what a function returns for the combinations of the lists that have an answer, joined again."""
-        found, missing = [], list[DatasetError]()
-        for part in parts_of(widened(self._ds)):
-            try:
-                result = function(part.dataset)
-            except DatasetError as error:
-                missing.append(error)
-                continue
+        found = []
+        for part, result in answers(parts_of(widened(self._ds)), lambda part: function(part.dataset))[0]:
             for name, label in part.labels.items():
                 result = result.expand_dims({name: [label]})
             found.append(result)
-        if not found:
-            raise missing[0]
         joined = _together(found).assign_attrs(self._ds.attrs)
         single = (*chosen(self._ds), *recorded(self._ds))
         return joined.isel({name: 0 for name in single if name in joined.dims})

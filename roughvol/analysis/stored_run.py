@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 from xarray import Dataset
@@ -14,6 +16,27 @@ from roughvol.study import GeneratedSurface, SpectralSurface, Study, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array
+
+Part = TypeVar("Part")
+Answer = TypeVar("Answer")
+
+
+def answers(
+    parts: Iterable[Part], answer: Callable[[Part], Answer]
+) -> tuple[list[tuple[Part, Answer]], list[DatasetError]]:
+    """Return the parts of a run that have an answer, each with its answer, and the errors of the other parts.
+
+    Raise the first error if no part has an answer.
+    """
+    found, errors = [], list[DatasetError]()
+    for part in parts:
+        try:
+            found.append((part, answer(part)))
+        except DatasetError as error:
+            errors.append(error)
+    if errors and not found:
+        raise errors[0]
+    return found, errors
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import errno
 import io
-import itertools
 import json
 import math
 import os
@@ -17,7 +16,6 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from roughvol.errors import DatasetError
 from roughvol.report import terminal
 from roughvol.store import stamped_file
 
@@ -73,18 +71,13 @@ def say_parts(run: Run, tables: Callable[[Run], Iterable[Table]]) -> None:
 
     A combination without an answer is a warning, a run without an answer a `DatasetError`.
     """
-    found, missing = [], list[DatasetError]()
-    for part in run.parts:
-        words = part.name.removeprefix(run.name).removeprefix(", ")
-        try:
-            found.append([table.under(words) for table in tables(part)])
-        except DatasetError as error:
-            missing.append(error)
-    if not found:
-        raise missing[0]
-    for table in itertools.chain(*found):
-        say_table(table)
-    warn(map(str, missing))
+    from roughvol.analysis.stored_run import answers
+
+    found, errors = answers(run.parts, lambda part: list(tables(part)))
+    for part, made in found:
+        for table in made:
+            say_table(table.under(part.name.removeprefix(run.name).removeprefix(", ")))
+    warn(map(str, errors))
 
 
 def say_numbers(

@@ -17,7 +17,7 @@ from roughvol.analysis.average import average, is_flow
 from roughvol.analysis.derived import check_pressed, derived, groups
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import with_leaks
-from roughvol.analysis.stored_run import Run
+from roughvol.analysis.stored_run import Run, answers
 from roughvol.analysis.tables import Table, spread
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
@@ -158,15 +158,8 @@ def _exponent(group: Dataset) -> list[str]:
 
 def _reaching(run: Run, named: Sequence[tuple[str, Dataset]], level: Level) -> list[tuple[str, State]]:
     """Return a state of every group with a surface that reaches it; raise `DatasetError` if there is none."""
-    found, errors = [], []
-    for name, group in named:
-        try:
-            found.append((name, at(run, group, level)))
-        except DatasetError as error:
-            errors.append(error)
-    if not found:
-        raise errors[0]
-    return found
+    found, _ = answers(named, lambda part: at(run, part[1], level))
+    return [(name, state) for (name, _), state in found]
 
 
 def records(run: Run, levels: Sequence[Level] = ()) -> Records:
@@ -175,17 +168,10 @@ def records(run: Run, levels: Sequence[Level] = ()) -> Records:
     units = {name: str(run.dataset[name].attrs.get("units", "1")) for name in parts[0].labels}
     common: dict[str, str] = {}
     rows: list[dict[str, Any]] = []
-    missing: list[DatasetError] = []
-    for part in parts:
-        try:
-            found, own = _records(Run.of(run.name, part.dataset), levels, common)
-        except DatasetError as error:
-            missing.append(error)
-            continue
+    every, _ = answers(parts, lambda part: _records(Run.of(run.name, part.dataset), levels, common))
+    for part, (found, own) in every:
         rows += [part.labels | row for row in found]
         units |= own
-    if len(missing) == len(parts):
-        raise missing[0]
     return _plain_rows(rows, units)
 
 

@@ -18,6 +18,8 @@ from roughvol.observables.variables import STATES, VARIABLES
 from roughvol.store import dataset
 from roughvol.study import AXES, Axis, Study, Variant, loads
 
+SURFACES = (*AXES, "D", "m", "seed", "case")  # dimensions of lists and surfaces
+
 
 def joined(
     parts: Sequence[tuple[Variant[Study], Dataset]], axes: Sequence[Axis], attributes: Mapping[str, str]
@@ -48,7 +50,7 @@ def joined(
 
 def chosen(results: Dataset) -> list[str]:
     """Return the lists and the dimensions of surfaces of which a dataset has one label, and no dimension."""
-    return [name for name in (*AXES, "D", "m", "seed", "case") if name in results.coords and name not in results.dims]
+    return [name for name in SURFACES if name in results.coords and name not in results.dims]
 
 
 def recorded(results: Dataset) -> list[str]:
