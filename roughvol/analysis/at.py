@@ -3,8 +3,8 @@
 A later leg begins at the last step of the leg before. Between two steps, a number lies on the straight line over the
 quantity of the level; a leak rate, a flow or an opening on the straight line of its logarithm. A way that closes
 between two steps is open up to the second step, and its flow lies on the straight line to 0 there. Where a study has
-its closing load solved, the way is open up to this load, and its flow and opening lie on the straight line over p* to 0
-there. Counts are those of the step beyond. A state that a study records is the state solved for it; before the first
+its closing load solved, the way is open up to this load. Its flow and opening then fall to 0 there on a straight line
+over p*. Counts are those of the step beyond. A state that a study records is the state solved for it; before the first
 step it has the numbers recorded for it alone.
 
 A step that misses a level by less than `level.REACHED` is the level. A sweep that ended at a target has reached this

@@ -184,8 +184,8 @@ def _step(
         if left >= pressure_error:  # no solve of this state lowers it
             message = (
                 f"the residual of the legs before leaves a relative error of {left:.2g} in p* = "
-                f"{contact.mean_pressure:.3g}; allowed: {pressure_error:g}. A smaller rtol lowers it, of a study a "
-                f"smaller max_error.free_volume"
+                f"{contact.mean_pressure:.3g}; allowed: {pressure_error:g}. A smaller rtol lowers it; in a study, "
+                f"a smaller max_error.free_volume"
             )
             raise ContactError(message)
         tolerance = 0.5 * solved.residual * pressure_error / contact.mean_pressure_bound

@@ -167,8 +167,9 @@ def _state(folder: Path) -> str:
         total = len(cases)
         if not collected or not stored.isdisjoint(cases):  # cases of an older version have other ids
             stored &= cases.keys()
-    elif not study.axes:  # combinations may share cases, whose ids need the files
+    elif not study.axes:  # combinations may share cases. The ids of cases need the files.
         total = len(study.surface.each)
-    if collected and not failed and (total is None or not stored or len(stored) >= total):
+    missing = total is not None and 0 < len(stored) < total
+    if collected and not failed and not missing:
         return "finished"
     return f"{len(stored)}{'' if total is None else f' of {total}'} finished{failures}"

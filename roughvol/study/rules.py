@@ -345,9 +345,8 @@ def _path(study: StudyFile) -> Problems:
         return
     if study.ensemble is not None:
         yield ("sweep",), "an ensemble takes one sweep, {steps, to}, and no list of legs"
-    for place, level in itertools.islice(study.sweep.states(), 1):
-        if place[1] == 0 and _unloaded(level):
-            yield place, "must be > 0 on the first leg, which begins at first touch"
+    if (first := next(legs[0][1].states(legs[0][0]), None)) and _unloaded(first[1]):
+        yield first[0], "must be > 0 on the first leg, which begins at first touch"
     for (_, before), (path, leg) in itertools.pairwise(legs):
         if leg.equal == "log pressure" and _unloaded(before.target):
             yield (*path, "equal"), "equal ratios of pressure need a begin > 0, and the leg before ends at 0"
