@@ -14,6 +14,7 @@ s = ω/D the sweep. A Jacobi sweep from the pressure 0 gives s r for the inflow 
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import linalg
 
@@ -41,19 +42,19 @@ class Conductances(NamedTuple):
 
     def matrix(self) -> Any:
         """Return the matrix from the pressures to the flow out of each element."""
-        number, parts = np.arange(self.own.size).reshape(self.own.shape), []
-        for joints, axis in ((self.south, 0), (self.east, 1)):
-            beyond = np.roll(number, -1, axis)
-            leads = (joints > 0.0) & (beyond != number)
-            parts.append((joints[leads], number[leads], beyond[leads]))
-        weight, *ends = (np.concatenate(both) for both in zip(*parts, strict=True))
-        there = sparse.coo_array((weight, tuple(ends)), shape=(self.own.size, self.own.size)).tocsr()
-        return _balance(there + there.T, self.own.ravel())
+        number = np.arange(self.own.size).reshape(self.own.shape)
+        heads = np.concatenate([np.roll(number, -1, axis).ravel() for axis in (0, 1)])
+        tails, joints = np.tile(number.ravel(), 2), np.concatenate([self.south.ravel(), self.east.ravel()])
+        leads = (joints > 0.0) & (heads != tails)
+        return _matrix(tails[leads], heads[leads], joints[leads], self.own.ravel())
 
 
-def _balance(joints: Any, own: Array) -> Any:
-    """Return the matrix from the pressures to the flow out, of a symmetric matrix of conductances."""
-    return sparse.csc_array(sparse.diags_array(own + joints.sum(axis=1)) - joints)
+def _matrix(tails: NDArray[Any], heads: NDArray[Any], joints: Array, own: Array) -> Any:
+    """Return the matrix from the pressures to the flow out, of joints that are each listed once."""
+    number = np.arange(own.size)
+    diagonal = own + np.bincount(tails, joints, own.size) + np.bincount(heads, joints, own.size)
+    ends = np.concatenate([number, tails, heads]), np.concatenate([number, heads, tails])
+    return sparse.csc_array((np.concatenate([diagonal, -joints, -joints]), ends), shape=(own.size, own.size))
 
 
 class Multigrid:
@@ -81,10 +82,9 @@ class Multigrid:
             diagonal = _diagonal(graph)
             self._levels.append(_Level(graph, diagonal, DAMPING / diagonal, coarse))
             graph = aggregates.graph_of_graph(graph, coarse, count)
-        size = graph.own.size
-        heads, starts = (indices.astype(np.int32) for indices in (graph.heads, graph.starts))
-        joints = sparse.csr_array((graph.weight, heads, starts), shape=(size, size))
-        self._factor = _factor(_balance(joints, graph.own))
+        tails = np.repeat(np.arange(graph.own.size), np.diff(graph.starts))
+        once = tails < graph.heads
+        self._factor = _factor(_matrix(tails[once], graph.heads[once], graph.weight[once], graph.own))
 
     def __call__(self, inflow: Array) -> Array:
         """Return the pressures that drive an inflow of every element, shape (rows, columns)."""
@@ -126,8 +126,9 @@ class _Level(NamedTuple):
 
 def _factor(matrix: Any) -> Any:
     """Return the factors of a matrix; an element without any conductance keeps the pressure 0."""
-    alone = np.asarray(matrix.diagonal() == 0.0, dtype=np.float64)
-    return linalg.splu(matrix + sparse.diags_array(alone, format="csc"), **_SPLU)
+    diagonal = matrix.diagonal()
+    matrix.setdiag(np.where(diagonal == 0.0, 1.0, diagonal))
+    return linalg.splu(matrix, **_SPLU)
 
 
 @compiled
