@@ -207,21 +207,25 @@ def closings(run: Dataset, axis: str, load: str) -> list[tuple[str, Span, Datase
 
     The run has surfaces of one kind with the ways of `derived.derived`; the load is a variable of it.
     """
-    found = [
-        [(name, table, spans(table.expand_dims("seed"), way, load)) for name, table in surfaces(run)] for way in AXES
-    ]
-    own = [(name, span, table) for name, table, some in found[AXES.index(axis)] for span in some]
-    patch = patch_of(run)
+    found = {
+        way: [
+            (name, span, table) for name, table in surfaces(run) for span in spans(table.expand_dims("seed"), way, load)
+        ]
+        for way in AXES
+    }
+    own, patch = found[axis], patch_of(run)
     if patch is None or not own:
         return own
+    loads = [[(span.open_up_to, span.closed_from) for _, span, _ in found[way]] for way in patch.axes]
+    span = Span(*(_sheet_closes(run, patch, end) for end in np.transpose(loads)))
+    return [(SEAL, span, max((table for _, _, table in own), key=lambda table: float(table[load].max())))]
+
+
+def _sheet_closes(run: Dataset, patch: Patch, loads: Array) -> float:
+    """Return the load at which a seal closes, from those of its patches (surfaces, along and across); or inf."""
     isotropic = is_isotropic([ratios(table) for _, table in surfaces(run)])
-    ends = []
-    for end in ("open_up_to", "closed_from"):
-        loads_of = [[min(getattr(some[0], end), ENDLESS) for _, _, some in way] for way in found]
-        values = np.transpose(loads_of)[:, np.newaxis, :: 1 if axis == "x" else -1]
-        closes = closing_of(values, patch.patches, isotropic=isotropic).value
-        ends.append(closes if closes < ENDLESS else math.inf)
-    return [(SEAL, Span(*ends), max((table for _, _, table in own), key=lambda table: float(table[load].max())))]
+    closes = closing_of(np.fmin(loads, ENDLESS)[:, np.newaxis], patch.patches, isotropic=isotropic).value
+    return closes if closes < ENDLESS else math.inf
 
 
 def curves(run: Dataset, axis: str) -> list[Curve]:
@@ -266,7 +270,11 @@ def _of_seal(run: Dataset, patch: Patch) -> Curve:
     inner = steps[(steps > low * (1.0 + REACHED)) & (steps < high * (1.0 - REACHED))]
     pressure = np.array([low, *inner, *([high] if low < high < math.inf else [])])
     isotropic = is_isotropic([ratios(table) for _, table in surfaces(run)])
-    end = _solved_end(run, patch, isotropic=isotropic)
+    end = math.inf
+    if SOLVED in run:
+        tables = [table.expand_dims("seed") for _, table in surfaces(run)]
+        loads = [[solved_loads(table, axis, "nominal_pressure")[0] for axis in patch.axes] for table in tables]
+        end = _sheet_closes(run, patch, np.array(loads))
     if end <= high:  # a solved closing load is a closed step
         pressure = np.append(pressure[pressure < end * (1.0 - REACHED)], max(end, low))
     leaks = np.stack([[curve.at(pressure).value for curve in ways[axis]] for axis in AXES], axis=-1)
@@ -276,17 +284,6 @@ def _of_seal(run: Dataset, patch: Patch) -> Curve:
     starred = longest.starred[-1] / longest.pressure[-1]
     Sq = float(np.mean([curve.Sq for curve in ways[patch.seal.flow]]))
     return Curve(SEAL, pressure, leak, pressure * starred, Sq)
-
-
-def _solved_end(run: Dataset, patch: Patch, *, isotropic: bool) -> float:
-    """Return the nominal pressure at which a seal closes, from solved closing loads; infinite without them."""
-    if SOLVED not in run:
-        return math.inf
-    tables = [table.expand_dims("seed") for _, table in surfaces(run)]
-    found = [[solved_loads(table, axis, "nominal_pressure")[0] for axis in patch.axes] for table in tables]
-    values = np.where(np.isnan(found), ENDLESS, found)[:, np.newaxis]
-    closes = closing_of(values, patch.patches, isotropic=isotropic).value
-    return closes if closes < ENDLESS else math.inf
 
 
 def surfaces(run: Dataset) -> list[tuple[str, Dataset]]:
