@@ -131,6 +131,8 @@ def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float])
     check(run)
     if "plastic_volume" in run:
         refuse("the surface yields: the theory of Lee and Radok holds for elastic contact alone")
+    if "contact_area_fraction" not in run:
+        refuse("contact_area_fraction is not in the dataset: it shows whether the theory of Lee and Radok holds")
     pressed = [surface for _, surface in surfaces(run)]
     if any(np.any(np.diff(surface["contact_area_fraction"].values) < -1e-12) for surface in pressed):
         refuse("the contact area falls along the stored sweep: the theory of Lee and Radok does not hold")

@@ -54,7 +54,9 @@ class Run:
             study: Study = loads(dataset.attrs.get("study", ""), file=name, stored=True)
         except StudyError:  # of a version that wrote other studies: the numbers still are
             return cls(name, dataset)
-        if lost := [axis.name for axis in study.axes if axis.name not in dataset.coords]:
+        surface = "case" if "case" in dataset.coords else "seed"
+        labels = (*(axis.name for axis in study.axes), "L", surface, *map(str, dataset.dims))
+        if lost := [label for label in labels if label not in dataset.coords]:
             raise DatasetError(f"{name} has lost its label of {lost[0]}; allowed: a choice without drop=True")
         return cls(name, dataset, study)
 

@@ -163,8 +163,9 @@ def test_what_follows_from_a_step_or_a_part_of_the_variables_is_derived() -> Non
         (lambda ds: ds.isel(D=0, drop=True), "has no D;"),
         (lambda ds: ds.isel(step=[]), "has no step;"),
         (lambda ds: ds[["mean_pressure"]], "has no Sq"),
+        (lambda ds: ds.drop_vars("step"), "lost its label of step"),
     ],
-    ids=["list", "seed", "none", "D", "step", "variable"],
+    ids=["list", "seed", "none", "D", "step", "variable", "labels"],
 )
 def test_a_choice_without_what_a_question_needs_is_refused(
     swept: Dataset, choose: Callable[[Dataset], Dataset], word: str

@@ -154,6 +154,8 @@ def test_a_contact_that_recedes_is_refused(run: Dataset, tmp_path: Path) -> None
     falling = run.assign(contact_area_fraction=-run.contact_area_fraction)
     with pytest.raises(StudyError, match="contact area falls"):
         creep.history(falling, _law(PRONY, tmp_path), 0.01, [1.0])
+    with pytest.raises(StudyError, match="contact_area_fraction is not in the dataset"):
+        creep.history(run.drop_vars("contact_area_fraction"), _law(PRONY, tmp_path), 0.01, [1.0])
     with pytest.raises(StudyError, match="yields"):
         creep.history(run.assign(plastic_volume=run.free_volume), _law(PRONY, tmp_path), 0.01, [1.0])
 
