@@ -380,13 +380,15 @@ class Cards:
         from roughvol.report.card_text import Identity
 
         pages, changed = [], [word for change in self.changes for word in ("--set", change)]
-        for (load, words), runs in self.runs.items():
+        for ((load, words), runs), whole in zip(self.runs.items(), self.cards.values(), strict=True):
             origin = Identity(self.study, shlex.join(["roughvol", "card", self.asked, "--at", load, *changed]))
-            single = {name: [one] for name, one in runs.items() if len(runs) > 1 and is_reached(one.fine)}
-            for name, some in ({"": list(runs.values())} | single).items():
+            several = len(runs) > 1
+            single = {name: card_of([one], "", load) for name, one in runs.items() if several and is_reached(one.fine)}
+            for name, shown in ({"": whole} | single).items():
                 title = ", ".join(filter(None, (self.study.name, *self.varied, words, name)))
                 stem = "_".join(filter(None, map(slug, ("card", load, *self.varied, words, name))))
-                pages.append(Page(card_of(some, title, load), tuple(one.fine.dataset for one in some), origin, stem))
+                fields = tuple(one.fine.dataset for key, one in runs.items() if name in ("", key))
+                pages.append(Page(replace(shown, title=title), fields, origin, stem))
         return pages
 
     def write(self) -> list[Path]:

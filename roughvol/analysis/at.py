@@ -155,6 +155,12 @@ def legs_of(group: Dataset) -> list[int]:
 
 
 def at(run: Run, group: Dataset, level: Level) -> State:
+    """Return `state_at` with the leak of the seal of the study."""
+    state = state_at(run, group, level)
+    return replace(state, data=with_leaks(run.study, group, state.data))
+
+
+def state_at(run: Run, group: Dataset, level: Level) -> State:
     """Return the surfaces of a group that reach a level or closed before; a `DatasetError` if there are none.
 
     A level without a leg is on the first leg on which any surface reaches it; ``last`` is on the last leg. The label of
@@ -233,7 +239,7 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     if beyond:
         _close(data, len(reached), shut[beyond])
     apart = 1.0 if flows else _apart(group, reached, places)
-    return State(label, with_leaks(run.study, group, data), group.sizes["seed"], len(beyond), _label(level, leg), apart)
+    return State(label, data, group.sizes["seed"], len(beyond), _label(level, leg), apart)
 
 
 def _around(group: Dataset, name: str, reached: list[int], places: list[float]) -> tuple[Array, Array]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from roughvol.analysis import seal
-from roughvol.analysis.at import at
+from roughvol.analysis.at import state_at
 from roughvol.analysis.average import average
 from roughvol.analysis.closing import load_of
 from roughvol.analysis.derived import derived, groups
@@ -46,7 +46,11 @@ from roughvol.typing import Array
 
 def is_reached(fine: Pressed) -> bool:
     """Return whether the leak of a surface of a run is known at the load of a card."""
-    return any(math.isfinite(surface.leak(axis)) for surface in surfaces_at_load(fine) for axis in AXES)
+    return _has_leak(surfaces_at_load(fine))
+
+
+def _has_leak(surfaces: Iterable[Loaded]) -> bool:
+    return any(math.isfinite(surface.leak(axis)) for surface in surfaces for axis in AXES)
 
 
 def check_reached(fine: Pressed) -> None:
@@ -54,7 +58,7 @@ def check_reached(fine: Pressed) -> None:
     if not is_reached(fine):
         run = Run.of(SWEEP, fine.dataset)
         for _, group in groups(derived(run.dataset, run.study)):
-            at(run, group, fine.level)  # raises, except beyond a sweep that ended closed
+            state_at(run, group, fine.level)  # raises, except beyond a sweep that ended closed
         message = f"{SWEEP} ends before {fine.level.label}, and the fluid may open the way again: press farther"
         raise DatasetError(message)
 
@@ -62,7 +66,7 @@ def check_reached(fine: Pressed) -> None:
 def card_of(runs: Sequence[CardRuns], name: str, load: str) -> Card:
     """Return the card of one surface or of several, from the runs of each height file or of generated surfaces."""
     fine = [surface for of_file in runs for surface in surfaces_at_load(of_file.fine)]
-    if not any(is_reached(of_file.fine) for of_file in runs):
+    if not _has_leak(fine):
         check_reached(runs[0].fine)
     coarser = [comparable(grids, fine) for grids in zip(*(of_file.coarser for of_file in runs), strict=False)]
     levels = [of_file.levelled for of_file in runs if of_file.levelled is not None]

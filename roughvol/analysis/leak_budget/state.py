@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from xarray import Dataset
 
-from roughvol.analysis.at import at, legs_of
+from roughvol.analysis.at import legs_of, state_at
 from roughvol.analysis.average import Average, average
 from roughvol.analysis.closing import load_of, spans
 from roughvol.analysis.derived import derived, groups
@@ -165,7 +165,7 @@ def surfaces_at_load(pressed: Pressed) -> Iterator[Loaded]:
             table = group.isel(seed=[k])
             name = f"{label}, seed {int(table['seed'][0])}" if "seed" in table.coords else label
             try:
-                state = at(run, table, pressed.level)
+                state = state_at(run, table, pressed.level)
             except DatasetError:
                 yield Loaded(name, run, pressed.level, table, None, pressed.level.label)
                 continue

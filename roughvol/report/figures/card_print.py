@@ -204,6 +204,9 @@ def wrapped(text: str, size: float, width: float, weight: str = "normal") -> lis
 def _words(text: str, size: float, width: float, weight: str) -> Iterator[str]:
     for word in text.split(" "):
         start = 0
+        if width_of(word, size, weight) <= width + ROUNDING:
+            yield word
+            continue
         for end in range(1, len(word) + 1):
             if width_of(word[start:end], size, weight) > width + ROUNDING and end - start > 1:
                 yield word[start : end - 1]
