@@ -29,10 +29,9 @@ from roughvol.analysis.derived import groups
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import FEW_DRAWS, Patch, closing_of, conductance_of, is_isotropic, ratios
 from roughvol.analysis.units import sigma
-from roughvol.errors import StudyError
 from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES, LISTED
-from roughvol.study import loads
+from roughvol.store.variants import study_in
 from roughvol.study.values.state_kinds import REACHED
 from roughvol.typing import Array
 
@@ -195,11 +194,7 @@ def axes(run: Dataset) -> tuple[str, ...]:
 
 def patch_of(run: Dataset) -> Patch | None:
     """Return the patch of a seal that a run observes; None for a study without a seal."""
-    try:
-        study = loads(str(run.attrs.get("study", "")), stored=True)
-    except StudyError:  # of another version
-        return None
-    return Patch.of(study, run)
+    return Patch.of(study_in(run), run)
 
 
 def closings(run: Dataset, axis: str, load: str) -> list[tuple[str, Span, Dataset]]:

@@ -33,7 +33,8 @@ from roughvol.analysis.stored_run import Run
 from roughvol.analysis.units import scales, sigma
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.variables import LISTED
-from roughvol.study import Axis, Level, Quantity, Study, convert, loads, read
+from roughvol.store.variants import study_in
+from roughvol.study import Axis, Level, Quantity, convert, loads, read
 from roughvol.study.values.state_kinds import REACHED
 from roughvol.study.values.units import unit_of
 from roughvol.typing import Array
@@ -182,7 +183,7 @@ def ask_closed(
     """
     check(run, leaks=False)
     _check_unknown(run, unknown, pressure)
-    stored = _study(run)
+    stored = study_in(run)
     with_ways = derived(run, stored)
     if not leak.ways(with_ways):
         refuse("the run does not follow its ways: add record.transport: {percolation: every-step} to its study")
@@ -206,7 +207,7 @@ def check(run: Dataset, *, leaks: bool = True) -> None:
         refuse("the run has no leak rates: record dimensional.pressure and dimensional.leak_rate")
     several = [dim for dim in ONE_OF_EACH if run.sizes.get(dim, 1) > 1]
     if several:
-        name, study = several[0], _study(run)
+        name, study = several[0], study_in(run)
         axis = next((listed for listed in (study.axes if study else ()) if listed.name == name), Axis(name, ()))
         held = ", ".join(axis.words(value).removeprefix(f"{name} = ") for value in run[name].values.tolist())
         refuse(f"the run has several {name} ({held}); allowed: surfaces of one kind at one value of each key")
@@ -361,13 +362,6 @@ def _check_unknown(run: Dataset, unknown: str, pressure: float | None) -> None:
         refuse(f"for {unknown} the pressure must be given, > 0")
 
 
-def _study(run: Dataset) -> Study | None:
-    try:
-        return loads(str(run.attrs.get("study", "")), stored=True)
-    except StudyError:  # of another version: the numbers still are
-        return None
-
-
 def _recorded(run: Dataset) -> str:
     """Return the recorded states under fluid pressure, each with its load."""
     name = closing.load_of(run)
@@ -436,7 +430,7 @@ def _over(pressure: float, nominal: float) -> float:
 
 def _modulus(run: Dataset) -> tuple[float, str]:
     """Return the contact modulus of a study and its unit."""
-    study = _study(run)
+    study = study_in(run)
     if study is None:
         return 1.0, "times the E* of the study"
     return study.material.contact_modulus, study.material.unit or ""

@@ -10,9 +10,9 @@ from typing import TypeVar
 import numpy as np
 from xarray import Dataset
 
-from roughvol.errors import DatasetError, StudyError
-from roughvol.store.variants import parts_of
-from roughvol.study import GeneratedSurface, SpectralSurface, Study, loads
+from roughvol.errors import DatasetError
+from roughvol.store.variants import parts_of, study_in
+from roughvol.study import GeneratedSurface, SpectralSurface, Study
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array
@@ -50,9 +50,7 @@ class Run:
     @classmethod
     def of(cls, name: str, dataset: Dataset) -> Run:
         """Return the run of a dataset as `dataset.read` gives it; a `DatasetError` without the labels of its lists."""
-        try:
-            study: Study = loads(dataset.attrs.get("study", ""), file=name, stored=True)
-        except StudyError:  # of a version that wrote other studies: the numbers still are
+        if (study := study_in(dataset)) is None:
             return cls(name, dataset)
         surface = "case" if "case" in dataset.coords else "seed"
         labels = (*(axis.name for axis in study.axes), "L", surface, *map(str, dataset.dims))

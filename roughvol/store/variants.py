@@ -6,6 +6,7 @@ combinations share is repeated.
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -97,13 +98,26 @@ class Part(NamedTuple):
     dataset: Dataset
 
 
+def study_in(results: Dataset) -> Study | None:
+    """Return the study of a dataset, or None if the dataset has none that can be read again."""
+    try:
+        return _read(str(results.attrs.get("study", "")))
+    except StudyError:  # of a version that wrote other studies: the numbers still are
+        return None
+
+
+@functools.lru_cache(maxsize=64)
+def _read(text: str) -> Study:
+    return loads(text, stored=True)
+
+
 def parts_of(results: Dataset) -> list[Part]:
     """Return the combinations of a stored study, each as the dataset of a study without lists."""
     held = [name for name in AXES if name in results.dims]
     if not held:
         return [Part("", {}, results)]
     try:
-        study: Study = loads(str(results.attrs.get("study", "")), stored=True)
+        study = _read(str(results.attrs.get("study", "")))
     except StudyError as error:
         message = f"the study of a dataset with the axes {', '.join(held)} cannot be read again: {error}"
         raise DatasetError(message) from error

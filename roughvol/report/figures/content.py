@@ -34,9 +34,9 @@ from roughvol.observables.variables import AXES, QUANTITIES
 from roughvol.report.figures import ways
 from roughvol.report.figures.curves import plot, shown
 from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held, named, several
-from roughvol.report.figures.origin import dry_note, fluid_note, lacking, study_of, surfaces, written
+from roughvol.report.figures.origin import dry_note, fluid_note, lacking, surfaces, written
 from roughvol.report.figures.style import GREY, LABELS, STYLE, WIDE, Drawing, axes, legend, looks, plain, unit_text
-from roughvol.store.variants import parts_of
+from roughvol.store.variants import parts_of, study_in
 
 _TABLE = tomllib.loads(Path(__file__).with_name("figures.toml").read_text(encoding="utf-8"))["content"]
 DRAWN: tuple[str, ...] = tuple(_TABLE["drawn"])
@@ -65,7 +65,7 @@ class Named:
     @cached_property
     def ready(self) -> Dataset:
         """The dataset with derived numbers."""
-        return derived(self.dataset, study_of(self.dataset)) if "mean_pressure" in self.dataset else self.dataset
+        return derived(self.dataset, study_in(self.dataset)) if "mean_pressure" in self.dataset else self.dataset
 
 
 def parts(stored: Sequence[tuple[str, Dataset]]) -> list[Named]:

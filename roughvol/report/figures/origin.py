@@ -9,21 +9,11 @@ from xarray import Dataset
 
 from roughvol.analysis.leak import fluid_of, is_lifted
 from roughvol.analysis.legs import first_leg
-from roughvol.errors import StudyError
 from roughvol.report.figures.families import file_text, held
 from roughvol.report.figures.style import unit_of
 from roughvol.store.record_key import record_key
-from roughvol.study import Study, loads
 
 SHOWN = 3  # files that are named
-
-
-def study_of(ds: Dataset) -> Study | None:
-    """Return the study of a dataset, or None if it holds none that can be read again."""
-    try:
-        return loads(str(ds.attrs.get("study", "")), stored=True)
-    except StudyError:  # nothing is stored
-        return None
 
 
 def run_name(ds: Dataset) -> str:

@@ -10,8 +10,8 @@ from xarray import Dataset
 
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import Family, families
-from roughvol.report.figures.origin import study_of
 from roughvol.report.figures.style import GREY, PAGE, Drawing, axes, legend, marked, unit_of
+from roughvol.store.variants import study_in
 from roughvol.study import SpectralSurface
 from roughvol.surfaces.spectrum import density
 from roughvol.typing import Array
@@ -72,7 +72,7 @@ def _loaded_at(ds: Dataset) -> str:
 
 def _asked(ds: Dataset, family: Family, wave: Array) -> list[float]:
     """Return the law that a study asks for at the waves, empty without one."""
-    study = study_of(ds)
+    study = study_in(ds)
     if study is None or not isinstance(study.surface, SpectralSurface) or study.surface.anisotropy > 1.0:
         return []
     spectrum, side = study.surface.spectrum, float(ds["L"])

@@ -13,8 +13,9 @@ from xarray import Dataset
 
 from roughvol.report.figures.families import families
 from roughvol.report.figures.figure import Figure
-from roughvol.report.figures.origin import numbers_text, origin, range_text, run_name, study_of
+from roughvol.report.figures.origin import numbers_text, origin, range_text, run_name
 from roughvol.report.figures.style import unit_of
+from roughvol.store.variants import study_in
 from roughvol.study import GeneratedSurface
 
 WORK = "Paggi and He (2015)"
@@ -39,7 +40,7 @@ class PaperFigure(Figure):
             return reason
         if self.by in ("recursion", "m") and "case" in ds.dims:
             return f"{self.name} needs surfaces made from D and m, and those of the dataset were read from files"
-        study = study_of(ds) if self.by == "recursion" else None
+        study = study_in(ds) if self.by == "recursion" else None
         if self.by == "recursion" and (not is_free(ds) or (study and not isinstance(study.surface, GeneratedSurface))):
             return (
                 f"{self.name} shows midpoint displacement of a free patch, and the surfaces of the dataset are others"
@@ -73,7 +74,7 @@ class PaperFigure(Figure):
         areas = drawn.get("area", ())
         if self.area is not None and any(abs(area / self.area - 1.0) > NEAR for area in areas):
             differences.append(f"A* = {', '.join(f'{area:.3g}' for area in areas)}, not {self.area:g}")
-        study = study_of(ds)
+        study = study_in(ds)
         if self.end and study is not None and study.sweep.steps:
             label = study.sweep.legs[0].target.label
             if label.split("=")[0] not in self.end:
@@ -92,5 +93,5 @@ def is_paper_surface(ds: Dataset) -> bool:
         return False
     if not is_free(ds):
         return False
-    study = study_of(ds)
+    study = study_in(ds)
     return study is None or (isinstance(study.surface, GeneratedSurface) and study.surface.height is None)
