@@ -30,14 +30,9 @@ def another_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> str 
         except StudyError as error:
             reasons = [f"its study.yaml cannot be read: {error}"]
     first = next(iter(cases.values()))
-    if not reasons and first.bodies and len(cases) == 1:
-        digest, old = first.id.rsplit("-")[-1], outdated(folder, cases)
-        # Equal content under another name is the same study.
-        strange = [id for id in strangers(folder, cases) if id not in old and id.rsplit("-")[-1] != digest]
-        strange = [id for id in strange if _other_heights(folder, id, first)]
-        if strange:
-            files = " and ".join(str(body.file) for body in first.bodies)
-            reasons = [f"surface.file: the content of {files} is not that of {strange[0]}"]
+    if not reasons and first.bodies and (strange := _of_other_heights(folder, cases)):
+        files = " and ".join(str(body.file) for body in first.bodies)
+        reasons = [f"surface.file: the content of {files} is not that of {strange}"]
     if not reasons:
         return None
     lines = "\n".join(f"  {line}" for line in reasons)
@@ -47,15 +42,26 @@ def another_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> str 
     )
 
 
-def _other_heights(folder: Path, id: str, case: Case) -> bool:
-    """Return whether a stored case is not known to be of the heights of a case."""
+def _of_other_heights(folder: Path, cases: Mapping[str, Case]) -> str:
+    """Return the id of a stored case if no stored case has the heights of one of these cases, else nothing."""
+    old = outdated(folder, cases)
+    strange = [id for id in strangers(folder, cases) if id not in old]
+    digests = {id.rsplit("-")[-1] for id in cases}  # equal content under another name is the same study
+    if not stored_ids(folder).isdisjoint(cases) or any(id.rsplit("-")[-1] in digests for id in strange):
+        return ""
+    heights = [json.loads(case.key_text)["surface"]["bodies"] for case in cases.values()]
+    return "" if any(_bodies_of(folder, id) in heights for id in strange) else "".join(strange[:1])
+
+
+def _bodies_of(folder: Path, id: str) -> Any:
+    """Return the files of a stored case with the sha256 of each; nothing if the case cannot be read."""
     from roughvol.store import dataset  # xarray: a second, for this question alone
 
     try:
         key = json.loads(dataset.read_arrays(case_file(folder, id))[1].get("case", "{}"))
     except (DatasetError, ValueError):
-        return True
-    return bool(key.get("surface", {}).get("bodies") != json.loads(case.key_text)["surface"]["bodies"])
+        return None
+    return key.get("surface", {}).get("bodies")
 
 
 def differences(old: Study, new: Study) -> list[str]:

@@ -260,6 +260,23 @@ def test_heights_that_have_changed_are_another_study(tmp_path: Path) -> None:
         run(study, out=tmp_path / "out", jobs=1)
 
 
+def test_other_heights_of_several_files_are_another_study_and_fewer_files_are_the_same(tmp_path: Path) -> None:
+    text, out = "surface: {files: [a.npy, b.npy], L: 4.0}\nsweep: {steps: 2}", tmp_path / "out"
+    for seed in (1, 3):
+        np.save(tmp_path / "a.npy", noise(seed, 5, 5))
+        np.save(tmp_path / "b.npy", noise(seed + 1, 5, 5))
+        study = loads(text, tmp_path / "study.yaml")
+        if seed == 1:
+            run(study, out=out, jobs=1)
+            before = files_of(out)
+            assert run(loads(text.replace(", b.npy", ""), tmp_path / "study.yaml"), out=out, jobs=1).sizes["case"] == 1
+    with pytest.raises(FolderError, match=r"the content of .*a\.npy is not that of a-"):
+        run(study, out=out, jobs=1)
+    assert files_of(out) == before
+    np.save(tmp_path / "b.npy", noise(2, 5, 5))
+    assert run(loads(text, tmp_path / "study.yaml"), out=out, jobs=1).sizes["case"] == 2  # one of both measured again
+
+
 def test_heights_from_a_file_need_not_be_square(tmp_path: Path) -> None:
     np.save(tmp_path / "measured.npy", noise(1, 9, 13))
     text = "surface: {file: measured.npy, L: 4.0}\nsweep: {steps: 3}\nrecord: {heights: true, fields_at: last}"
