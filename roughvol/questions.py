@@ -53,6 +53,8 @@ if TYPE_CHECKING:
     from roughvol.surfaces.surface import Surface
     from roughvol.typing import Changes, Load, Loads, Number
 
+HEIGHTS = ("surface.file", "surface.against", "surface=")  # changes that give other height files
+
 
 def opened(run: Dataset | StoredRun | str | Path | None, changes: Changes = ()) -> StoredRun:
     """Return the run of a name, a path or a dataset in memory; None is the latest run."""
@@ -71,14 +73,22 @@ def opened(run: Dataset | StoredRun | str | Path | None, changes: Changes = ()) 
     return StoredRun(Path(f"{name}.nc"), Run.of(name, whole(run)).dataset)
 
 
-def study_of(study: Study | Mapping[str, Any] | str | Path, changes: Changes = ()) -> tuple[Study, Path]:
-    """Return a study, of a mapping, a study file or a run, and the folder of its results."""
+def study_of(
+    study: Study | Mapping[str, Any] | str | Path, changes: Changes = (), *, of_run: bool = False
+) -> tuple[Study, Path]:
+    """Return a study, of a mapping, a study file or a run, and the folder of its results.
+
+    ``of_run``: the height files of a run must be those of its results.
+    """
     from roughvol.store import folder_of, run
     from roughvol.study import Arguments, changed, changes_of, of_data
 
     texts = changes_of(changes)
     if isinstance(study, str | Path):
-        return run.study_of(study, texts)
+        found, folder = run.study_of(study, texts)
+        if of_run and not any(text.startswith(HEIGHTS) for text in texts):
+            run.check_heights(found, study)
+        return found, folder
     if isinstance(study, Mapping):
         _refuse_heights(study)
         whole = of_data(study, Arguments("study", {"": "study"}), texts)
@@ -462,7 +472,7 @@ def card(
     from roughvol.study import changes_of, levels
 
     done: list[int] = []  # numbers of cases computed now
-    (asked, _), texts = study_of(study, changes), changes_of(changes)
+    (asked, _), texts = study_of(study, changes, of_run=not fresh), changes_of(changes)
     folder = Path(out or Path("runs") / f"{asked.name}_card")
     found: dict[tuple[str, str], dict[str, CardRuns]] = {}
     cards = Cards(asked, str(study) if isinstance(study, str | Path) else asked.name, texts, folder, found)
@@ -703,7 +713,7 @@ def check(study: Study | Mapping[str, Any] | str | Path, *, jobs: int | None = N
     """
     from roughvol.campaign import checks, cost, interpretation, validity
 
-    loaded, folder = study_of(study, changes)
+    loaded, folder = study_of(study, changes, of_run=True)
     surface = interpretation.shown(loaded, checks.check_surfaces(loaded))
     estimate, case, rows = cost.estimate(loaded, jobs), loaded.cases()[0], []
     if loaded.ensemble is not None:
@@ -822,7 +832,7 @@ def tradeoff(
     """
     from roughvol.campaign import tradeoff as trade
 
-    return trade.measure(study_of(study, changes)[0], on_sweep)
+    return trade.measure(study_of(study, changes, of_run=True)[0], on_sweep)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ def tradeoff(study: Path, out: Path | None, as_json: bool, changes: tuple[str, .
     from roughvol.report.figures import registry
     from roughvol.store import dataset, stamped_file
 
-    loaded, folder = study_of(given(study, changes), changes)
+    loaded, folder = study_of(given(study, changes), changes, of_run=True)
     folder, show = out or folder, sys.stderr.isatty()
     measured = roughvol.tradeoff(
         loaded, on_sweep=lambda k, n: say(f"\r{k} of {n} sweeps", nl=k == n, err=True) if show else None

@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import json
 import shlex
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,6 +25,7 @@ from roughvol.study import HeightFile, Study, changes_of, load, loads
 if TYPE_CHECKING:
     from xarray import Dataset
 
+    from roughvol.study import Case
     from roughvol.study.values.own import OwnQuantity
     from roughvol.typing import Changes
 
@@ -312,14 +313,35 @@ def _of_another_study(file: Path, results: Dataset, stored: str, given: Study) -
     if lines := _changes(file, stored, given.stored()):
         return lines
     cases = sample_plan.cases_of(given, file.parent)
+    lines = _changed_heights(results, cases.values())
+    return lines or _of_other_cases(results, cases)
+
+
+def _changed_heights(results: Dataset, cases: Iterable[Case], absent: Sequence[str] = ("absent",)) -> list[str]:
+    """Return the height files whose content is not that of results; a line each."""
     then = {(body["file"], body["sha256"]) for body in json.loads(results.attrs.get("height_files", "[]"))}
-    now = {(body.file.name, body.sha256) for case in cases.values() for body in case.bodies}
-    lines = [
+    now = {(body.file.name, body.sha256) for case in cases for body in case.bodies}
+    return [
         f"surface.file: the content of {name} has changed (sha256 {old[:8]} → {new[:8]})"
         for name, old in sorted(then - now)
-        for new in [min((digest for other, digest in now if other == name), default="absent")]
+        for new in sorted(digest for other, digest in now if other == name)[:1] or absent
     ]
-    return lines or _of_other_cases(results, cases)
+
+
+def check_heights(study: Study, run: str | Path) -> None:
+    """Refuse the study of a run if the content of its height files has changed; a study file may have any heights."""
+    from roughvol.store import dataset
+
+    folder = next((folder for folder in _folders(run) if _is_file(folder / RESULTS)), None)
+    if folder is None or is_study_file(run) or not isinstance(study.surface, HeightFile):
+        return
+    try:
+        results = dataset.read(folder / RESULTS)
+    except DatasetError:  # damaged results are made again
+        return
+    if lines := _changed_heights(results, study.cases(), absent=()):
+        message = f"{folder} is a run of other heights:\n{_indented(lines)}\ngo to the folder of its heights"
+        raise FolderError(f"{message}, or give a study file of these")
 
 
 def _of_another_folder(file: Path, results: Dataset, stored: str) -> list[str]:

@@ -89,6 +89,19 @@ def test_a_changed_height_file_does_not_get_the_numbers_of_the_old_one(place: Pa
     assert "roughvol run scan.yaml" in message
 
 
+@pytest.mark.parametrize("command", ["card", "check", "tradeoff"])
+@pytest.mark.parametrize("changes", [(), ("--set", "name=other", "--set", "sweep.pressures=[0.1 MPa]")])
+def test_a_run_from_another_folder_does_not_take_heights_of_equal_name(
+    place: Path, monkeypatch: pytest.MonkeyPatch, command: str, changes: tuple[str, ...]
+) -> None:
+    Path("elsewhere").mkdir()
+    monkeypatch.chdir("elsewhere")
+    np.savetxt("heights.txt", _heights(1))
+    assert "the content of heights.txt has changed" in refused(command, "../runs/scan", *changes)
+    assert "heights.txt" in said("check", "../runs/scan", "--set", "surface.file=heights.txt")
+    assert "heights.txt" in said("check", "../scan.yaml", *changes)
+
+
 @pytest.mark.parametrize("run", ["scan", "runs/scan", "runs/scan/study.nc"])
 def test_a_run_opens_by_its_name_without_its_height_file(place: Path, run: str) -> None:
     Path("heights.txt").unlink()
