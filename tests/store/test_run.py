@@ -82,6 +82,18 @@ def test_changed_studies_are_refused(place: Path, command: list[str], old: str, 
     assert "runs/tiny" in message
 
 
+def test_the_run_advised_for_a_changed_study_computes_it(place: Path) -> None:
+    text = TEXT.replace("0.2 MPa]", "0.3 MPa]")
+    Path("tiny.yaml").write_text(text, encoding="utf-8")
+    assert "roughvol run tiny.yaml --set name=OTHER, or --fresh" in refused("show", "tiny.yaml")
+    said("run", "tiny.yaml", "--set", "name=OTHER", "--jobs", "1")
+    said("show", "tiny.yaml", "--set", "name=OTHER")
+    Path("tiny.yaml").write_text(TEXT.replace("seeds: 1", "seeds: 2"), encoding="utf-8")
+    assert "roughvol run tiny.yaml; to see" in refused("show", "tiny.yaml")  # which keeps the cases of the run
+    said("run", "tiny.yaml", "--jobs", "1")
+    said("show", "tiny.yaml")
+
+
 def test_a_changed_height_file_does_not_get_the_numbers_of_the_old_one(place: Path) -> None:
     np.savetxt("heights.txt", _heights(1))
     message = _refused(["compare"], "scan.yaml")
