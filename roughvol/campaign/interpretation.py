@@ -121,7 +121,7 @@ def sentences(study: Study, Sq: Iterable[float], L: float, unit: str | None, *, 
 
     L and the Sq have one unit, None for an arbitrary one. ``about`` is a word before converted numbers.
     """
-    found = [*_hardness(study), *_accuracies(study)]
+    found = [*_unused(study), *_hardness(study), *_accuracies(study)]
     heights = [float(height) for height in Sq if height > 0.0]
     if not heights:
         return found
@@ -146,7 +146,7 @@ def _bare(study: Study, kind: str) -> list[float]:
     if not study.sweep.steps:
         return []
     states = [level for leg in study.sweep.legs for level in (leg.listed or (leg.target,))]
-    states += [Level("pressure", leg.first) for leg in study.sweep.legs]
+    states.append(Level("pressure", study.sweep.legs[0].first))
     states += [level for select in study.record.selects.values() for level in select.levels]
     states += study.ensemble.at.levels if study.ensemble is not None else ()
     return sorted({level.value for level in states if level.kind == kind and level.value and not unit_of(level.value)})
@@ -188,6 +188,12 @@ def _few(texts: Iterable[str]) -> str:
     """Return the first texts, and the last of more."""
     known = list(texts)
     return ", ".join(known if len(known) <= SHOWN else [*known[: SHOWN - 2], "…", known[-1]])
+
+
+def _unused(study: Study) -> Iterator[str]:
+    for k, leg in enumerate(study.sweep.legs):
+        if k and leg.first is not None:
+            yield f"sweep[{k}].first is not used: equal ratios of a later leg begin at the end of the leg before"
 
 
 def _hardness(study: Study) -> Iterator[str]:

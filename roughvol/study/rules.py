@@ -334,7 +334,7 @@ def _one_drop(study: StudyFile) -> Problems:
             yield ("record", "fluid_pressure"), message
 
 
-@_rule("sweep")
+@_rule("sweep", "material")
 def _path(study: StudyFile) -> Problems:
     several = isinstance(study.sweep, Legs)
     legs = [(("sweep", k) if several else ("sweep",), leg) for k, leg in enumerate(study.sweep.legs)]
@@ -350,7 +350,8 @@ def _path(study: StudyFile) -> Problems:
     for (_, before), (path, leg) in itertools.pairwise(legs):
         if leg.equal == "log pressure" and _unloaded(before.target):
             yield (*path, "equal"), "equal ratios of pressure need a begin > 0, and the leg before ends at 0"
-        if before.target.label == leg.target.label:
+        both = _unloaded(before.target) and _unloaded(leg.target)  # elastic contact is lost where it began
+        if before.target.label == leg.target.label or (both and not study.material.yields):
             yield (*path, "to"), "is the end of the leg before: the leg has no length"
 
 

@@ -82,6 +82,14 @@ def test_an_accuracy_that_looks_like_a_percentage_is_doubtful() -> None:
     assert _doubts(text.replace("volume: 1", "volume: 50 %")) == []
 
 
+def test_a_first_pressure_that_is_not_used_is_doubtful() -> None:
+    legs = "sweep: [{steps: 2, to: {pressure: 2}, %s}, {steps: 2, to: {pressure: 0.1}, %s}]"
+    given, left_out = "equal: log pressure, first: 0.3", "equal: log pressure"
+    (found,) = _doubts(BARE + legs % (left_out, given))
+    assert found.startswith("sweep[1].first is not used")
+    assert _doubts(BARE + legs % (given, left_out)) == []
+
+
 def test_a_run_that_fails_names_its_doubtful_numbers() -> None:
     """A load above the hardness by its other reading: 0.1 MPa is below it, p* = 0.1 is not reached."""
     options: dict[str, Any] = {"L": 100e-6, "E": "10 MPa", "nu": 0.5, "hardness": "1.1 kPa", "steps": 2}

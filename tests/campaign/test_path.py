@@ -550,6 +550,15 @@ def test_a_case_without_its_states_is_an_error(text: str, words: str) -> None:
         solved(text)
 
 
+@pytest.mark.parametrize("ends", [("pressure", "indentation"), ("indentation", "pressure")])
+def test_two_legs_to_the_first_touch_of_elastic_contact_are_refused(ends: tuple[str, str]) -> None:
+    back = ", ".join(f"{{steps: 1, to: {{{end}: 0}}}}" for end in ends)
+    legs = f"sweep: [{{steps: 2, to: {{pressure: 1}}}}, {back}]\n"
+    with pytest.raises(StudyError, match=r"sweep\[2\].to: .*no length"):
+        loads(PLAIN + legs)
+    loads(PLAIN + legs + HARD)  # contact that has yielded is lost beyond first touch
+
+
 def test_a_period_of_few_heights_is_refused() -> None:
     np.save("few.npy", noise(0, 4, 9))
     with pytest.raises(RoughvolError, match=r"surface\.sides: few\.npy has 4 x 9 heights"):
