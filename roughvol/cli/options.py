@@ -31,7 +31,10 @@ def given(study: Path, changes: tuple[str, ...]) -> Study | Path:
     """Return the study of standard input for ``-``, else the path of a study."""
     from roughvol.study import loads
 
-    return loads(sys.stdin.read(), "<stdin>", changes=changes) if str(study) == "-" else study
+    if str(study) != "-":
+        return study
+    content = sys.stdin.buffer.read() if sys.stdin is not None else b""  # None: closed
+    return loads(content.decode("utf-8-sig", "surrogateescape"), "<stdin>", changes=changes)
 
 
 def completed_runs(context: click.Context, parameter: click.Parameter, start: str) -> Completed:

@@ -44,6 +44,11 @@ def warn(sentences: Iterable[str]) -> None:
         say(f"warning: {sentence}", err=True)
 
 
+def is_seen() -> bool:
+    """Return whether standard error is a terminal; it is None where it was closed."""
+    return sys.stderr is not None and sys.stderr.isatty()
+
+
 def silence(stream: TextIO) -> None:
     """Lead a stream that cannot be written into nothing; else Python would try again at the end."""
     try:

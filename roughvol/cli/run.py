@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from roughvol.cli.options import FRESH, JOBS, JSON, SET, STUDY, command, completed_figures, given, out
-from roughvol.cli.output import count, say, say_json, say_parts, warn
+from roughvol.cli.output import count, is_seen, say, say_json, say_parts, warn
 from roughvol.errors import CampaignError
 from roughvol.study.values.durations import duration
 
@@ -154,7 +153,7 @@ def _progress_text(now: Progress, seconds: float) -> str:
 
 def _progress() -> contextlib.AbstractContextManager[Draw]:
     """Draw on a terminal; elsewhere write a line now and then."""
-    return _bar() if sys.stderr.isatty() else _lines()
+    return _bar() if is_seen() else _lines()
 
 
 @contextlib.contextmanager

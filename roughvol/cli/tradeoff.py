@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import roughvol
 from roughvol.cli.options import JSON, SET, STUDY, command, given, out
-from roughvol.cli.output import say, say_json
+from roughvol.cli.output import is_seen, say, say_json
 
 
 @command("roughvol tradeoff tradeoff.yaml")
@@ -26,7 +25,7 @@ def tradeoff(study: Path, out: Path | None, as_json: bool, changes: tuple[str, .
     from roughvol.store import dataset, stamped_file
 
     loaded, folder = study_of(given(study, changes), changes, of_run=True)
-    folder, show = out or folder, sys.stderr.isatty()
+    folder, show = out or folder, is_seen()
     measured = roughvol.tradeoff(
         loaded, on_sweep=lambda k, n: say(f"\r{k} of {n} sweeps", nl=k == n, err=True) if show else None
     )
