@@ -181,7 +181,7 @@ class Sweep(Strict):
     @classmethod
     def _steps_of_a_list(cls, data: Any) -> Any:
         """Give the number of steps and the last state that follow from a list of states."""
-        given = [name for name in LISTS if data.get(name)] if isinstance(data, dict) else []
+        given = [name for name in LISTS if data.get(name) or data.get(name) == 0] if isinstance(data, dict) else []
         if not given:
             return data
         name, *others = given
