@@ -31,6 +31,7 @@ _PLAIN = {
     "missing": "missing",
     "float_type": "must be a number",
     "list_type": "must be a list",
+    "tuple_type": "must be a list",
     "int_type": "must be a whole number",
     "string_type": "must be text (in quotes if it looks like a number)",
     "bool_type": "must be true or false",

@@ -111,7 +111,7 @@ def _matching(value: Any, info: ValidationInfo) -> list[str]:
     if first is not None and ".." in pattern.parts[first:]:
         refuse_at(("files",), value, "has '..' behind '*', '?' or '['; allowed before them alone")
     try:
-        matches = (path for path in base.glob(names) if path.is_file())
+        matches = (path for path in (base.glob(names) if Path(names).name else ()) if path.is_file())
         found = sorted(itertools.islice(matches, MOST_FILES + 1))
     except (ValueError, NotImplementedError, OSError) as error:
         refuse_at(("files",), value, "no pattern ({reason})", reason=str(error))
