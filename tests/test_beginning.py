@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import runpy
 from pathlib import Path
 
@@ -41,6 +42,19 @@ def test_examples_with_units_run_without_a_warning_and_show_a_leak_rate(example:
     head, row = (line.split("  ") for line in said("show", example, "--at", f"pressure={load}").splitlines()[:2])
     assert any("Q_x [mm^3/s]" in cell for cell in head)
     assert row[0].startswith(f"pressure={load}")
+
+
+def test_the_first_tutorial_has_the_row_that_its_commands_print() -> None:
+    page = (ROOT / "docs/tutorials/first-study.md").read_text(encoding="utf-8")
+    (shown,) = re.findall(r"^roughvol (show seal --at .*)$", page, re.MULTILINE)
+    there = re.search(r"^state  .*\npressure=.*$", page, re.MULTILINE)
+    assert there is not None
+    said("init", "seal")
+    said("run", "seal.yaml", "--jobs", "1")
+    printed = said(*shown.split()).splitlines()[:2]
+    for line, whole in zip(there[0].splitlines(), printed, strict=True):
+        cells = re.split(r" {2,}| … *", line)  # … stands for the columns left out
+        assert re.match(" .*".join(map(re.escape, cells)), whole)
 
 
 def test_the_study_of_a_height_map_says_its_sides() -> None:
