@@ -31,7 +31,9 @@ def contact_perimeter(contact: Mask, periodic: bool = False) -> float:
 
 
 def corrected_area(area_fraction: ArrayLike, perimeter: ArrayLike, nodes: ArrayLike) -> Array:
-    """Return the contact area fraction corrected by `contact_perimeter`, A* - (π - 1 + ln 2)/24 S_d δ/A_n, n = L/δ.
+    """Return the contact area fraction corrected by `contact_perimeter`, A* - (π - 1 + ln 2)/24 S_d δ/A_n.
+
+    ``nodes`` is the number n of elements along x in the region.
 
     V. A. Yastrebov, G. Anciaux & J.-F. Molinari, The role of the roughness spectral breadth in elastic contact of rough
     surfaces, J. Mech. Phys. Solids 107 (2017) 469-493; derived in the same authors' Tribology International 114 (2017)

@@ -78,3 +78,15 @@ def test_a_study_stores_the_perimeter_of_every_step() -> None:
 def test_what_is_no_mask_is_refused() -> None:
     with pytest.raises(ContactError, match="mask of bool"):
         contact_perimeter(np.zeros((3, 3)))
+
+
+@pytest.mark.parametrize("region", ["", ", region: {x: [0, 0.5], y: [0.25, 1]}"])
+def test_the_length_of_a_stored_perimeter_is_that_of_the_elements_along_x(region: str) -> None:
+    text = STUDY.replace("periodic", "free").replace("0.5, 1.0]", "0.4]")
+    text = text.replace("true}", f"true, fields_at: {{contact_area: 0.4}}{region}}}")
+    values = one_case.run_case(loads(text, file="edges.yaml").cases()[0])
+    contact = values["pressure"].values[0, 0, 0, 0] > 0.0
+    inside = contact[:17, 8:] if region else contact
+    found = float(values["contact_perimeter"].isel(step=-1).item())
+    assert found == _counted(inside, False) * inside.shape[0] / inside.size
+    assert "n δ of the elements along x" in values["contact_perimeter"].attrs["long_name"]
