@@ -12,6 +12,7 @@ from roughvol.campaign.execution import run
 from roughvol.campaign.one_case import Context, run_case
 from roughvol.errors import DatasetError
 from roughvol.plotting import needed
+from roughvol.report.figures import content
 from roughvol.report.figures.registry import FIGURES
 from roughvol.store import dataset
 from roughvol.study import loads
@@ -44,6 +45,8 @@ def test_lines_are_the_means_of_the_finest_grid_and_the_law() -> None:
         assert spectrum is not None
         np.testing.assert_allclose(law.get_ydata()[:11], [density(spectrum, 3 - D, 100.0, k) for k in range(1, 12)])
         np.testing.assert_allclose(law.get_ydata()[:10], wanted[:10], rtol=0.2)
+    titles = [axes.get_legend().get_title().get_text() for axes in (left, right)]
+    assert titles == ["$m = 5$; mean of 3 surfaces\ndashed: the law of the study", "$m = 5$; mean of 3 surfaces"]
     assert "um" not in left.get_ylabel()
     assert "µm" in left.get_ylabel()
 
@@ -65,8 +68,11 @@ def test_midpoint_surfaces_have_no_law() -> None:
 def test_the_deformed_surface_is_drawn_beside_the_undeformed_one(region: str) -> None:
     text = "surface: {D: [2.3, 2.6], m: 4, seeds: 2, sides: periodic}\nsweep: {steps: 2, to: {pressure: 1}}\n"
     ds = results(f"{text}record: {{psd: {{at: {{pressure: [0.5, 1]}}}}{region}}}")
-    left, right = FIGURES["psd"](ds).axes
+    figure = FIGURES["psd"](ds)
+    left, right = figure.axes
     assert (len(left.lines), len(right.lines)) == (4, 4)
+    of_curves = {(point["panel"], point["D"], str(point["curve"]).partition(", ")[2]) for point in content.data(figure)}
+    assert of_curves == {(panel, D, words) for panel in (1, 2) for D in (2.3, 2.6) for words in ("", "pressure 1")}
     wanted = ds["psd_loaded"].sel(D=2.6, m=4).isel(psd_at=1).mean("seed").values
     np.testing.assert_allclose(left.lines[3].get_ydata(), wanted)
     assert left.lines[3].get_color() == left.lines[2].get_color()

@@ -9,7 +9,7 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.report.figures.curves import shown
-from roughvol.report.figures.families import Family, families
+from roughvol.report.figures.families import Family, families, named, several
 from roughvol.report.figures.style import GREY, PAGE, Drawing, axes, legend, marked, unit_of
 from roughvol.store.variants import study_in
 from roughvol.study import SpectralSurface
@@ -28,20 +28,29 @@ def psd(ds: Dataset) -> Drawing:
     """
     fig, (left, right) = axes(PAGE, 3.0, 2, grid=True)
     members, title = families(ds, "D", "psd", "rms_slope_below")
+    number, law = several(family.surfaces for family in members), ""
+    loaded = _loaded_at(ds) if "psd_loaded" in ds else ""
     for order, family in enumerate(members):
         wave = _waves(family)
         every = marked(wave.size, order)
         for ax, name, power in ((left, "psd", 1.0), (right, "rms_slope_below", 2.0)):
-            ax.loglog(wave, _mean(family, name, power), label=family.label, markevery=every, **family.look)
-            if f"{name}_loaded" in family.data:
-                ax.loglog(wave, _mean(family, f"{name}_loaded", power), color=family.look["color"], ls=":", lw=1.3)
+            lines = ax.loglog(wave, _mean(family, name, power), label=family.label, markevery=every, **family.look)
+            named(ax, lines, family)
+            if loaded:
+                under = _mean(family, f"{name}_loaded", power)
+                lines = ax.loglog(wave, under, color=family.look["color"], ls=":", lw=1.3)
+                named(ax, lines, family, curve=f"{family.label}, {loaded}")
         if asked := _asked(ds, family, wave):
-            left.loglog(wave, asked, color=GREY, ls="--", lw=0.8, zorder=0)
+            law = "dashed: the law of the study"
+            lines = left.loglog(wave, asked, color=GREY, ls="--", lw=0.8, zorder=0)
+            named(left, lines, family, curve=f"{family.label}, law of the study")
     fourth = unit_of(ds, "psd")
     left.set(xlabel=r"wave number $qL/2\pi$", ylabel=rf"$C^{{\mathrm{{iso}}}}$ [{fourth}]")
     right.set(xlabel=r"waves up to $qL/2\pi$", ylabel=r"root mean square slope $h'_{\mathrm{rms}}$")
-    for ax in (left, right):
-        legend(ax, ", ".join([*filter(None, [title]), *([f"dotted: {_loaded_at(ds)}"] if "psd_loaded" in ds else [])]))
+    dotted = f"dotted: {loaded}" if loaded else ""
+    mean = "; ".join(filter(None, [title, f"mean of {number} surfaces" if number else ""]))
+    for ax, dashed in ((left, law), (right, "")):
+        legend(ax, "\n".join(filter(None, [mean, ", ".join(filter(None, [dashed, dotted]))])))
     fig.shown = shown(members)
     return fig
 
