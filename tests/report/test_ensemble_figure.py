@@ -76,3 +76,13 @@ def test_it_is_found_by_name_and_needs_an_ensemble(results: Dataset) -> None:
     assert FIGURES["ensemble_cost"].missing(results) is None
     with pytest.raises(DatasetError, match="section 'ensemble'"):
         FIGURES["ensemble_cost"](Dataset())
+
+
+def test_the_right_panel_names_its_mean_and_is_empty_where_every_mean_is_zero(results: Dataset) -> None:
+    right = FIGURES["ensemble_cost"](results).axes[2]
+    assert right.get_title() == "free_volume at pressure=0.3"
+    results["free_volume_mean"][0] = 0.0  # of D = 2.2
+    assert len(FIGURES["ensemble_cost"](results).axes[2].lines) == 3
+    results["free_volume_mean"][:] = 0.0
+    right = FIGURES["ensemble_cost"](results).axes[2]
+    assert (len(right.lines), right.get_title()) == (0, "every mean is 0")

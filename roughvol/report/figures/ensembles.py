@@ -11,10 +11,12 @@ import numpy as np
 from matplotlib.lines import Line2D
 from xarray import Dataset
 
+from roughvol.report.figures.families import file_text
 from roughvol.report.figures.style import DASHES, GREY, PAGE, Drawing, axes, looks, plain_ticks
 from roughvol.typing import Array
 
 NORMAL = 1.96  # of the 95 % interval of many samples
+MANY = 3  # different means are not named
 LINES = DASHES[:3]  # dots are plain Monte Carlo
 
 
@@ -22,7 +24,7 @@ def ensemble_cost(ds: Dataset) -> Drawing:
     """Draw samples and cost by level, and the half-width of the interval against cost, beside plain Monte Carlo.
 
     Costs are modelled seconds of one core, from the counts of convolutions. Of each D the mean is shown that is
-    farthest from its accuracy.
+    farthest from its accuracy; a mean of zero has no relative interval.
     To see: most samples are on coarse levels, and cost is spread over all; the interval falls with the square root of
     the cost, as that of plain Monte Carlo does, at a fraction of its cost.
     """
@@ -30,11 +32,15 @@ def ensemble_cost(ds: Dataset) -> Drawing:
     dimensions = ds["D"].values
     levels = ds["m"].values
     counts = ds["ensemble_samples"].transpose("D", "m").values
+    means = dict[str, None]()
     for order, (D, samples, look) in enumerate(zip(dimensions, counts, looks(len(dimensions)), strict=True)):
         of_D, line = ds.sel(D=D), LINES[order % len(LINES)]
         left.plot(levels, samples, ls=line, label=f"$D = {D:g}$", **look)
         middle.plot(levels, samples * of_D["ensemble_sample_cost"].values, ls=line, **look)
-        _draw_intervals(right, of_D, line, look)
+        if (farthest := _farthest(of_D)) is not None:
+            means[_draw_intervals(right, of_D, *farthest, line, look)] = None
+    words = "\n".join(means) or "every mean is 0"
+    right.set_title(words if len(means) < MANY else "mean farthest from its accuracy")
     left.set(xlabel="$m$", ylabel="samples", xticks=levels, yscale="log")
     middle.set(xlabel="$m$", ylabel="cost of the level [s]", xticks=levels, yscale="log")
     right.set(xlabel="cost [s]", ylabel="half-width of the interval [%]", xscale="log", yscale="log")
@@ -50,9 +56,8 @@ def ensemble_cost(ds: Dataset) -> Drawing:
     return fig
 
 
-def _draw_intervals(ax: Any, of_D: Dataset, line: Any, look: dict[str, Any]) -> None:
-    """Draw the half-width of one D against cost, that of plain Monte Carlo, and the request."""
-    name, at = _farthest(of_D)
+def _draw_intervals(ax: Any, of_D: Dataset, name: str, at: str, line: Any, look: dict[str, Any]) -> str:
+    """Draw the half-width of a mean against cost, beside plain Monte Carlo and the request; return which mean it is."""
     state = of_D.sel(ensemble_at=at)
     percent = 100.0 / abs(float(state[f"{name}_mean"]))
     cost = of_D["ensemble_round_cost"].values
@@ -61,6 +66,8 @@ def _draw_intervals(ax: Any, of_D: Dataset, line: Any, look: dict[str, Any]) -> 
     plain_cost = np.geomspace(np.nanmin(cost), end, 9)
     ax.plot(plain_cost, percent * _plain_half_width(state, name, plain_cost), ls=":", lw=0.8, color=look["color"])
     ax.axhline(percent * float(state[f"{name}_accuracy_asked"]), lw=0.5, color=GREY, zorder=0)
+    symbol = str(state[f"{name}_mean"].attrs.get("symbol", name)).strip("<>")
+    return file_text(symbol if at == "percolation" else f"{symbol} at {at}")
 
 
 def _plain_half_width(state: Dataset, name: str, cost: Array) -> Array:
@@ -79,13 +86,13 @@ def _steps(axis: Any) -> tuple[float, ...]:
     return (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
 
 
-def _farthest(of_D: Dataset) -> tuple[str, str]:
-    """Return the mean of one D, by its stored name and state, whose interval is widest for its accuracy."""
+def _farthest(of_D: Dataset) -> tuple[str, str] | None:
+    """Return the mean other than 0 whose interval is widest for its accuracy, by its stored name and state."""
     ratios = {}
     for name in (str(name).removesuffix("_accuracy_asked") for name in of_D if str(name).endswith("_accuracy_asked")):
         half = 0.5 * (of_D[f"{name}_interval"].sel(bound="upper") - of_D[f"{name}_interval"].sel(bound="lower"))
         for at in of_D["ensemble_at"].values.tolist():
             ratio = float(half.sel(ensemble_at=at) / of_D[f"{name}_accuracy_asked"].sel(ensemble_at=at))
-            if np.isfinite(ratio):
+            if np.isfinite(ratio) and float(of_D[f"{name}_mean"].sel(ensemble_at=at)) != 0.0:
                 ratios[name, at] = ratio
-    return max(ratios, key=ratios.__getitem__)
+    return max(ratios, key=ratios.__getitem__, default=None)
