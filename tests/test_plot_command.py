@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import itertools
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -12,6 +14,7 @@ from matplotlib.figure import Figure
 import roughvol
 from roughvol.cli.plot import _shaped
 from roughvol.report.figures import yielding
+from roughvol.report.figures.style import STYLE, axes
 from tests.kit import LEAKING, call, ran, refused, said
 
 TWO = LEAKING.replace("seeds: 1", "seeds: [2, 5]")
@@ -43,6 +46,29 @@ def test_a_curve_on_a_logarithmic_axis_ends_at_its_last_positive_number() -> Non
     assert _shaped(fig, None, "x") == []
     ends = line.get_transform().transform(line.get_xydata())
     assert np.isfinite(ends).all(axis=1).tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize("last", [0.03, 0.1, 0.6, 20.0, 1e5])
+def test_the_numbers_of_a_logarithmic_axis_do_not_overlap(last: float) -> None:
+    with mpl.rc_context(STYLE):
+        fig = axes()[0]
+        fig.axes[0].plot(np.geomspace(0.015, last), np.linspace(1.0, 2.0))
+        _shaped(fig, None, "x")
+        _labels_are_apart(fig)
+
+
+def test_the_numbers_of_the_stiffness_over_the_load_do_not_overlap() -> None:
+    _labels_are_apart(roughvol.plot("leaking", "stiffness_of_p"))
+
+
+def _labels_are_apart(fig: Figure) -> None:
+    fig.canvas.draw()
+    axis = fig.axes[0].xaxis
+    shown = [text for text in axis.get_ticklabels(which="both") if text.get_text() and text.get_visible()]
+    low, high = axis.get_view_interval()
+    boxes = sorted((t.get_window_extent() for t in shown if low <= t.get_position()[0] <= high), key=lambda box: box.x0)
+    assert len(boxes) > 1
+    assert all(box.x1 < after.x0 for box, after in itertools.pairwise(boxes))
 
 
 @pytest.mark.parametrize("suffix", ["png", "csv"])

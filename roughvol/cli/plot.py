@@ -122,6 +122,8 @@ def _inches(size: str | None) -> tuple[float, float] | None:
 
 def _shaped(figure: Any, inches: tuple[float, float] | None, log: str | None) -> list[str]:
     """Give a figure a size, and its axes logarithmic scales; return the axes without positive data."""
+    from roughvol.report.figures.style import plain_ticks
+
     left = []
     if inches is not None:
         figure.set_size_inches(*inches)
@@ -132,6 +134,8 @@ def _shaped(figure: Any, inches: tuple[float, float] | None, log: str | None) ->
             if getattr(ax.dataLim, f"{axis}1") > 0.0:
                 # a curve ends at its last positive x; one that falls to 0 goes to the lower edge
                 getattr(ax, f"set_{axis}scale")("log", nonpositive="mask" if axis == "x" else "clip")
+                if axis == "x":
+                    plain_ticks(ax.xaxis)
             else:
                 left.append(axis)
     return left

@@ -35,7 +35,19 @@ from roughvol.report.figures import ways
 from roughvol.report.figures.curves import plot, shown
 from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held, named, several
 from roughvol.report.figures.origin import dry_note, fluid_note, lacking, surfaces, written
-from roughvol.report.figures.style import GREY, LABELS, STYLE, WIDE, Drawing, axes, legend, looks, plain, unit_text
+from roughvol.report.figures.style import (
+    GREY,
+    LABELS,
+    STYLE,
+    WIDE,
+    Drawing,
+    axes,
+    legend,
+    looks,
+    plain,
+    plain_ticks,
+    unit_text,
+)
 from roughvol.store.variants import parts_of, study_in
 
 _TABLE = tomllib.loads(Path(__file__).with_name("figures.toml").read_text(encoding="utf-8"))["content"]
@@ -120,7 +132,9 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
             members = [[_positive(curve) if log else curve for curve in curves(f, x, y)] for f in some]
             plot(ax, some, members, (_label(x, ready), _label(y, ready)), title, log=log)
             ax.set_yscale("log" if log else "linear")
-            ax.set_xscale("log" if y_key in POWERS and x_key == "p" else "linear")
+            if y_key in POWERS and x_key == "p":
+                ax.set_xscale("log")
+                plain_ticks(ax.xaxis)
             notes = dry_note([run.dataset for run in ready])
         fig.note(" ".join([_origin(ready, some), *notes]))
     return fig

@@ -45,7 +45,7 @@ def ensemble_cost(ds: Dataset) -> Drawing:
     middle.set(xlabel="$m$", ylabel="cost of the level [s]", xticks=levels, yscale="log")
     right.set(xlabel="cost [s]", ylabel="half-width of the interval [%]", xscale="log", yscale="log")
     for axis in (left.yaxis, middle.yaxis, right.xaxis, right.yaxis):
-        plain_ticks(axis, _steps(axis))
+        plain_ticks(axis)
     handles = [
         *left.get_legend_handles_labels()[0],
         Line2D([], [], color="k", ls=":", lw=0.8, label="plain Monte Carlo"),
@@ -75,15 +75,6 @@ def _plain_half_width(state: Dataset, name: str, cost: Array) -> Array:
     finest = state.isel(m=-1)
     samples = cost / float(finest["ensemble_sample_cost"])
     return NORMAL * np.sqrt(float(finest[f"{name}_level_variance"]) / samples)
-
-
-def _steps(axis: Any) -> tuple[float, ...]:
-    """Return the multiples of powers of ten that are labelled: the more, the shorter the logarithmic axis."""
-    low, high = axis.get_view_interval()
-    decades = np.log10(high / low)
-    if decades < 1.0:
-        return (1.0, 2.0, 3.0, 5.0, 7.0)
-    return (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
 
 
 def _farthest(of_D: Dataset) -> tuple[str, str] | None:

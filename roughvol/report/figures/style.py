@@ -200,9 +200,18 @@ class _Plain(LogLocator):
         return MaxNLocator(4).tick_values(vmin, vmax)
 
 
-def plain_ticks(axis: Any, steps: Sequence[float]) -> None:
+def _steps(axis: Any) -> tuple[float, ...]:
+    """Return the multiples of powers of ten that are labelled: the more, the shorter the logarithmic axis."""
+    low, high = axis.get_view_interval()
+    decades = np.log10(high / low)
+    if decades < 1.0:
+        return (1.0, 2.0, 3.0, 5.0, 7.0)
+    return (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
+
+
+def plain_ticks(axis: Any, steps: Sequence[float] = ()) -> None:
     """Label a logarithmic axis with plain numbers: these multiples of each power of ten, or few on a short axis."""
-    axis.set_major_locator(_Plain(subs=steps))
+    axis.set_major_locator(_Plain(subs=steps or _steps(axis)))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
 
