@@ -182,6 +182,13 @@ def test_a_direction_closed_from_the_start_does_not_vanish(one: Dataset, name: s
     assert any(line.get_marker() == "+" for ax in fig.axes for line in ax.lines)
 
 
+def test_an_axis_of_flows_has_no_numbers_where_nothing_flows(one: Dataset) -> None:
+    fig = FIGURES["seal_transmissivity"](one.assign({"transmissivity": 0.0 * one["transmissivity"]}))
+    fig.canvas.draw()
+    assert not [text for text in fig.axes[0].get_yticklabels(which="both") if text.get_text()]
+    assert any(line.get_marker() == "x" for line in fig.axes[0].lines)
+
+
 def test_the_leak_rate_is_that_stored_in_its_unit(one: Dataset) -> None:
     fig = FIGURES["seal_leak_rate"](one)
     assert fig.axes[0].get_ylabel() == "leak rate [mm³/s]"

@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.lines import Line2D
+from matplotlib.ticker import NullLocator
 from xarray import DataArray, Dataset
 
 from roughvol.analysis.at import MADE
@@ -336,11 +337,14 @@ def draw_states(ax: Axes, family: Family, x: str, name: str) -> None:
 
 
 def flow_axis(ax: Axes, values: Array) -> None:
-    """Give the y axis of flows a logarithmic scale that leaves room around the open ways."""
+    """Give the y axis of flows a logarithmic scale with room around the open ways, without numbers if nothing flows."""
     values = values[values > 0.0]
     top = float(values.max(initial=1e-300))
     floor = max(float(values.min(initial=top)), top * 10.0**-DECADES)
     ax.set(yscale="log", ylim=(0.4 * floor, 2.5 * top))
+    if not values.size:
+        ax.yaxis.set_major_locator(NullLocator())
+        ax.yaxis.set_minor_locator(NullLocator())
 
 
 def closed_handles(closed: Iterable[str], what: str) -> list[Line2D]:
