@@ -66,6 +66,8 @@ def opened(run: Dataset | StoredRun | str | Path | None, changes: Changes = ()) 
         return StoredRun.open(run, changes_of(changes))
     if isinstance(run, StoredRun):
         return run
+    if not hasattr(run, "attrs"):
+        raise DatasetError(f"a run is a name, a path or a dataset, given an object of the type {type(run).__name__}")
     from roughvol.analysis.stored_run import Run
     from roughvol.report.figures import origin
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
+from numbers import Integral
 from pathlib import Path
 
 from roughvol.campaign import cluster, collection, cost, interpretation, inventory
@@ -41,8 +42,8 @@ def run(
     study = study if isinstance(study, Study) else load(study)
     if scheduler is not None:
         cluster.check_address(scheduler)
-    if jobs is not None and jobs < 1:
-        raise CampaignError(f"jobs is {jobs}; allowed: 1 or more")
+    if jobs is not None and not (isinstance(jobs, Integral) and jobs >= 1):
+        raise CampaignError(f"jobs is {jobs!r}; allowed: a whole number, 1 or more")
     control = Control(jobs, scheduler, on_event, stopping)
     surface = check_surfaces(study, made)
     shape = surface.shape if surface is not None else None

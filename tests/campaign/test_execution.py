@@ -306,6 +306,7 @@ def test_finished_cases_are_collected_before_the_rest(study: Study, folder: Path
         ("surface: {file: nan.npy, L: 1.0}", {}, "heights"),
         ("surface: {file: narrow.npy, L: 1.0}", {}, "heights"),
         (FEW, {"jobs": 0}, "jobs is 0"),
+        (FEW, {"jobs": "2"}, "jobs is '2'; allowed: a whole number, 1 or more"),
         (FEW, {"only": []}, "names no case of this study"),
         (FEW, {"only": ["nonsense"]}, "nonsense names no case of this study"),
         (FEW, {"scheduler": "nonsense"}, "the scheduler's address is 'nonsense'"),
