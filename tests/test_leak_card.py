@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 import roughvol
 from roughvol.report import card_text
+from roughvol.report.figures import leak_card
 from roughvol.store import dataset
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from tests.kit import answered, ran, refused, said
@@ -63,6 +65,12 @@ def test_some_closed_surfaces_are_counted_as_0_with_a_median() -> None:
     assert re.search(r"[0-2] of 3 surfaces open", line)
     assert "its error is not known (grid)" in line  # 17 nodes have no coarser grid
     assert "together: unknown" in _pairs(printed)
+    card = roughvol.card("seal.yaml", at=f"pressure={0.5 * (ends[0] + ends[1]):.6g} MPa", jobs=1).cards[""]
+    ax = Figure().add_subplot()
+    next(panel for panel in leak_card.panels(card) if "Parts" in panel.caption).draw(ax, card)
+    places = [text.get_position()[1] for text in ax.texts]
+    assert len(places) in (2, 4)  # grid and together along the open axes
+    assert all(min(ax.get_ylim()) + 0.25 <= place <= max(ax.get_ylim()) - 0.25 for place in places)
 
 
 def test_a_closed_joint_has_a_largest_leak() -> None:

@@ -212,7 +212,7 @@ def _budget(ax: Axes, card: Card) -> None:
     ax.set_xlim(min(0.5, ax.get_xlim()[0]), max(2.0, ax.get_xlim()[1]))
     low, high = ax.get_xlim()
     plain_ticks(ax.xaxis, (1.0, 2.0, 5.0) if high < CROWDED * low else (1.0,))
-    ax.invert_yaxis()
+    ax.set_ylim(len(names) - 0.5, -0.5)
     _legend(ax)
 
 
@@ -233,7 +233,7 @@ def _closings(ax: Axes, card: Card) -> None:
         ax.axvline(at, color=GREY, lw=0.8, ls=":", label="load of the card")
     ax.set_yticks(range(len(rows)), [GRIDS[row] for row in rows])
     ax.set(xlabel=f"closes: {_load_label(card)}", ylabel="spacing over that of the map", xlim=(0.0, None))
-    ax.invert_yaxis()
+    ax.set_ylim(len(rows) - 0.5, -0.5)
     _legend(ax)
 
 
