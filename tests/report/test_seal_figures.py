@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -187,6 +188,23 @@ def test_an_axis_of_flows_has_no_numbers_where_nothing_flows(one: Dataset) -> No
     fig.canvas.draw()
     assert not [text for text in fig.axes[0].get_yticklabels(which="both") if text.get_text()]
     assert any(line.get_marker() == "x" for line in fig.axes[0].lines)
+
+
+def test_the_numbers_of_free_volumes_of_three_decades_do_not_overlap(one: Dataset) -> None:
+    volumes = one["free_volume"]
+    fig = FIGURES["seal_volume"](one.assign(free_volume=volumes * 1e-3 ** (volumes["step"] / volumes["step"].max())))
+    fig.canvas.draw()
+    ax = fig.axes[-1]
+    texts = [text for text in ax.get_xticklabels(which="both") if text.get_text()]
+    shown = [text.get_window_extent() for text in texts if ax.viewLim.x0 <= text.get_position()[0] <= ax.viewLim.x1]
+    assert len(shown) > 1
+    assert all(box.x1 < after.x0 for box, after in itertools.pairwise(sorted(shown, key=lambda box: box.x0)))
+
+
+def test_full_contact_has_no_share_of_the_free_volume(one: Dataset) -> None:
+    full = {name: 0.0 * one[name] for name in ("free_volume", "free_volume_within")}
+    *states, _ = FIGURES["seal_region"](one.assign(full)).axes[2].lines
+    assert all(np.isnan(line.get_ydata()).all() for line in states)
 
 
 def test_the_leak_rate_is_that_stored_in_its_unit(one: Dataset) -> None:

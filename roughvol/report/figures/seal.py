@@ -57,7 +57,7 @@ def _panels(ds: Dataset, rows: int, *names: str) -> tuple[Drawing, Any, list[Fam
         ax.set_xlabel(LABELS[x])
     axes[0, 2].set_xscale("log")  # most of the closing happens below V* = 0.3
     for ax in axes[:, 2]:
-        plain_ticks(ax.xaxis, (1.0, 2.0, 5.0))
+        plain_ticks(ax.xaxis)
     _in_units(axes[0, 0], ds)
     fig.shown = shown(some)
     return fig, axes, some, title
@@ -198,7 +198,8 @@ def seal_region(ds: Dataset) -> Drawing:
         width = state["region_width"].values
         for ax, (name, symbol) in zip(axes, names.items(), strict=False):
             inside = state[name].transpose("seed", "region_width").values
-            rows = inside / state[name.removesuffix("_within")].values[:, np.newaxis]
+            with np.errstate(invalid="ignore"):  # V* of full contact is 0 inside, too
+                rows = inside / state[name.removesuffix("_within")].values[:, np.newaxis]
             mean = rows.mean(axis=0)
             if len(rows) > 1:
                 error = rows.std(axis=0, ddof=1) / np.sqrt(len(rows))

@@ -7,6 +7,7 @@ Line colours are equal steps in lightness, from near black to the lightest that 
 from __future__ import annotations
 
 import io
+import math
 import os
 import re
 import textwrap
@@ -43,6 +44,11 @@ RAISED = {"2": "²", "3": "³"}  # the font has no others, nor a raised minus
 WIDE = 62  # characters of a legend, lines included, that fit over a column
 MANY = 30  # computed states of a curve, beyond which only some have a marker
 SHORT = 4.0  # ratio of the ends of a logarithmic axis up to which its numbers are equally far apart
+NUMBERS = {
+    10.0: (1.0, 2.0, 3.0, 5.0, 7.0),
+    100.0: (1.0, 2.0, 5.0),
+    math.inf: (1.0,),
+}  # numbers of longer ones, below it
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
 
 
@@ -194,24 +200,24 @@ def density_label(ds: Dataset) -> str:
 class _Plain(LogLocator):
     """Places of numbers on a logarithmic axis: multiples of each power of ten, or few at equal distances."""
 
+    def __init__(self, steps: Sequence[float]) -> None:
+        super().__init__(subs=steps or (1.0,))
+        self._by_length = not steps
+
     def tick_values(self, vmin: float, vmax: float) -> Any:
-        if vmax > SHORT * vmin:
-            return super().tick_values(vmin, vmax)
-        return MaxNLocator(4).tick_values(vmin, vmax)
-
-
-def _steps(axis: Any) -> tuple[float, ...]:
-    """Return the multiples of powers of ten that are labelled: the more, the shorter the logarithmic axis."""
-    low, high = axis.get_view_interval()
-    decades = np.log10(high / low)
-    if decades < 1.0:
-        return (1.0, 2.0, 3.0, 5.0, 7.0)
-    return (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
+        if vmax <= SHORT * vmin:
+            return MaxNLocator(4).tick_values(vmin, vmax)
+        if self._by_length:
+            self.set_params(subs=next(steps for ratio, steps in NUMBERS.items() if vmax < ratio * vmin))
+        return super().tick_values(vmin, vmax)
 
 
 def plain_ticks(axis: Any, steps: Sequence[float] = ()) -> None:
-    """Label a logarithmic axis with plain numbers: these multiples of each power of ten, or few on a short axis."""
-    axis.set_major_locator(_Plain(subs=steps or _steps(axis)))
+    """Label a logarithmic axis with plain numbers: these multiples of each power of ten, or few on a short axis.
+
+    Without multiples there are the more, the shorter the axis is.
+    """
+    axis.set_major_locator(_Plain(steps))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
 
