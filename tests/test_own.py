@@ -64,6 +64,9 @@ def three(state):
 
 three.coordinates = {"axis": range(3)}
 
+def forgotten(state):
+    state.gap.max()
+
 def failing(state):
     return 1.0 / int(state.mean_pressure * 0.0)
 
@@ -173,6 +176,7 @@ def test_refused(functions, words):
     [
         ("bad: mine:failing", r"record.own.bad: mine:failing fails at p\* = .*ZeroDivisionError"),
         ("bad: mine:rows", r"record.own.bad: mine:rows returns shape \(1, 17\); allowed: a number"),
+        ("bad: mine:forgotten", "record.own.bad: mine:forgotten returns nothing; allowed: a number"),
     ],
 )
 def test_a_function_that_fails_names_itself(functions, words):

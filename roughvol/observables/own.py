@@ -62,17 +62,19 @@ def values(view: View) -> Values:
     state, found = _state(view), Values()
     for name, quantity in _of(view.case.record).items():
         try:
-            value = np.asarray(quantity.function(state), dtype=np.float64)
+            returned = quantity.function(state)
+            value = np.asarray(returned, dtype=np.float64)
         except Exception as error:
             where = f"at p* = {state.mean_pressure:.6g}"
             message = f"{quantity.target} fails {where} ({type(error).__name__}: {error})"
             raise StudyError([Problem(message, f"record.own.{name}")]) from error
         shape = tuple(len(along) for along in _coordinates(quantity).values())
-        if value.shape != shape:
+        if returned is None or value.shape != shape:
             allowed = (
                 f"{shape}, that of its coordinates" if shape else "a number, or an array with the attribute coordinates"
             )
-            message = f"{quantity.target} returns shape {value.shape}; allowed: {allowed}"
+            given = "nothing" if returned is None else f"shape {value.shape}"
+            message = f"{quantity.target} returns {given}; allowed: {allowed}"
             raise StudyError([Problem(message, f"record.own.{name}")])
         found[name] = value
     return found
