@@ -294,7 +294,7 @@ def test_the_second_leg_of_a_path_has_a_card() -> None:
 @pytest.mark.parametrize(
     ("at", "words"),
     [
-        ("pressure=9 MPa", "the sweep has no state at pressure=9 MPa: its steps have pressure "),
+        ("pressure=0.05 MPa", "the sweep has no state at pressure=0.05 MPa: its steps have pressure "),
         ("pressure=9", "--at pressure=9: "),
         ("leak_rate=1e-3 mm^3/s", "roughvol ask"),
         ("step=3", "allowed: last, or a load"),

@@ -9,7 +9,8 @@ step it has the numbers recorded for it alone.
 
 A step that misses a level by less than `level.REACHED` is the level. A sweep that ended at a target has reached this
 target, and a listed load is the step solved for it. A surface whose sweep ended before a higher load is closed there if
-its last state is closed: its flow is 0, and its other numbers are missing. A level that no surface reaches is an error.
+its last state is closed, or if the load is at least its solved closing load: its flow is 0, and its other numbers are
+missing. A level that no surface reaches is an error.
 """
 
 from __future__ import annotations
@@ -200,7 +201,7 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     part = group.isel(step=slice(offset, int(on_leg[-1]) + 1))
     own = _recorded(group, level, leg)
     flows = {} if level.kind == "last" else leak.recorded(group, _label(level, leg))
-    shut = leak.closed(part)
+    shut, ends = leak.closed(part), _closing_loads(group, level, leg)
     reached, places, beyond, alone = list[int](), list[float](), list[int](), list[int]()
     for k, scale in enumerate(scales(run, group)):
         values, value, near = _path(run, part, k, level, scale, reach)
@@ -221,9 +222,10 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
         if place is not None:
             reached.append(k)
             places.append(place + offset)
-        elif _is_stored(level) and shut[k].any():
+        elif _is_stored(level):
             farther = value < values[solved].min() if STATE_KINDS[level.kind].falls else value > values[solved].max()
-            beyond += [k] if farther else []
+            shut[k] |= ends[k] <= value * (1.0 + REACHED)
+            beyond += [k] if farther and shut[k].any() else []
     if not reached and not beyond:
         return None
     data = between(group, reached + beyond, [*places, *[float(offset)] * len(beyond)])
@@ -240,6 +242,13 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
         _close(data, len(reached), shut[beyond])
     apart = 1.0 if flows else _apart(group, reached, places)
     return State(label, data, group.sizes["seed"], len(beyond), _label(level, leg), apart)
+
+
+def _closing_loads(group: Dataset, level: Level, leg: int) -> Array:
+    """Return the solved closing loads p* of surfaces along both axes; infinite without, and where no load is given."""
+    if SOLVED not in group or leg > 1 or level.kind not in ("pressure", "load"):
+        return np.full((group.sizes["seed"], len(AXES)), math.inf)
+    return np.nan_to_num(group[SOLVED].transpose("seed", "axis").values, nan=math.inf)
 
 
 def _around(group: Dataset, name: str, reached: list[int], places: list[float]) -> tuple[Array, Array]:

@@ -200,7 +200,7 @@ def in_brackets(unit: str) -> str:
 def load_of(card: Card) -> str:
     """Return the load of a card in words, as ``0.5 MPa (p* = 3)``; of surfaces with different loads their range."""
     if not card.loads("mean_pressure"):
-        return f"{_words(card.load)}, beyond a closed end of the sweep"
+        return f"{_words(card.load)}, beyond the end of the sweep"
     load = f"p* = {_range(card.loads('mean_pressure'))}"
     if card.pressure_unit:
         load = f"{_range(card.loads('nominal_pressure'))} {card.pressure_unit} ({load})"

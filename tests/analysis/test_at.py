@@ -286,6 +286,21 @@ def test_a_way_is_closed_from_its_solved_closing_load_on(tmp_path: Path) -> None
     assert bool((recorded.leak_rate.where(shut, 0.0) == 0.0).all())
 
 
+def test_a_way_is_closed_beyond_the_sweep_from_its_solved_closing_load_on(tmp_path: Path) -> None:
+    text = SEAL.replace("{steps: 10, to: percolation}", "{pressures: [0.02 MPa]}")
+    text = text.replace("every-step, trans", "every-step, closing: true, trans")
+    ds = roughvol.run(loads(text), out=tmp_path, jobs=1)
+    closes = ds.closing_pressure * (ds.nominal_pressure / ds.mean_pressure).isel(step=-1)
+    load = 1.001 * float(closes.median())
+    there = ds.roughvol.at(pressure=f"{load:.9g} MPa")
+    shut = (closes <= load).transpose(*there.leak_rate.dims)
+    assert 0 < int(shut.sum()) < shut.size
+    assert_allclose(there.leak_rate, np.where(shut, 0.0, np.nan))
+    assert not bool(there.reached.any())
+    with pytest.raises(DatasetError, match="no state at pressure="):
+        ds.roughvol.at(pressure=f"{0.999 * float(closes.min()):.9g} MPa")
+
+
 def test_a_recorded_state_in_full_contact_has_no_gap(tmp_path: Path) -> None:
     text = SEAL.replace("{steps: 10, to: percolation}", "{pressures: [0.02 MPa, 2 MPa]}")
     text = text.replace("record:", "record:\n  fields_at: {pressure: 2 MPa}")

@@ -180,16 +180,16 @@ def test_a_surface_that_closed_before_the_load_counts_as_0(ends: np.ndarray, tmp
 
 
 @pytest.mark.parametrize(
-    ("end", "words"),
+    ("kind", "end", "words"),
     [
-        ("{pressure: 0.5}", "--at pressure=99: 99 is not reached: the sweep ends at pressure 0.5"),
-        ("mean-plane", "the sweep has no state at pressure=99: its steps have pressure 0"),
+        ("pressure", "{pressure: 0.5}", "--at pressure=99: 99 is not reached: the sweep ends at pressure 0.5"),
+        ("indentation", "mean-plane", "the sweep has no state at indentation=99: its steps have indentation 0"),
     ],
 )
-def test_a_load_that_no_surface_reaches_is_refused(end: str, words: str, tmp_path: Path) -> None:
+def test_a_load_that_no_surface_reaches_is_refused(kind: str, end: str, words: str, tmp_path: Path) -> None:
     text = VARIED.replace("to: percolation", f"to: {end}")
     with pytest.raises((StudyError, DatasetError), match=words) as refused:
-        card_runs.compute(loads(text), Level("pressure", 99.0), tmp_path, jobs=1, accept=check_reached)
+        card_runs.compute(loads(text), Level(kind, 99.0), tmp_path, jobs=1, accept=check_reached)
     assert str(refused.value).count("99") <= 2
     assert not list(tmp_path.glob("**/twice*"))  # nothing is computed for other grids
 
