@@ -32,7 +32,7 @@ from roughvol.analysis.tables import number
 from roughvol.analysis.units import scales
 from roughvol.errors import DatasetError
 from roughvol.observables.variables import AXES, OF_STATE, STATES, VARIABLES
-from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, Study, convert
+from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, Study, convert, parse
 from roughvol.study.values.state_kinds import LOAD_OF_REGION, REACHED, slack
 from roughvol.typing import Array
 
@@ -199,8 +199,9 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     turn = int(offset > 0 and level.kind not in ("last", "step"))  # a leg begins where the leg before ends
     offset -= turn
     part = group.isel(step=slice(offset, int(on_leg[-1]) + 1))
-    own = _recorded(group, level, leg)
-    flows = {} if level.kind == "last" else leak.recorded(group, _label(level, leg))
+    recorded, steps = _label(run, group, level, leg), group["step"].values[on_leg]
+    own = _recorded(group, level, recorded, steps)
+    flows = {} if level.kind == "last" else leak.recorded(group, recorded, steps)
     shut, ends = leak.closed(part), _closing_loads(group, level, leg)
     reached, places, beyond, alone = list[int](), list[float](), list[int](), list[int]()
     for k, scale in enumerate(scales(run, group)):
@@ -241,7 +242,7 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     if beyond:
         _close(data, len(reached), shut[beyond])
     apart = 1.0 if flows else _apart(group, reached, places)
-    return State(label, data, group.sizes["seed"], len(beyond), _label(level, leg), apart)
+    return State(label, data, group.sizes["seed"], len(beyond), recorded, apart)
 
 
 def _closing_loads(group: Dataset, level: Level, leg: int) -> Array:
@@ -307,9 +308,33 @@ def _empty(data: Dataset, group: Dataset, alone: list[int]) -> None:
             data[name] = (variable.dims, values, variable.attrs)
 
 
-def _label(level: Level, leg: int) -> str:
-    """Return the label of a recorded state on a leg."""
-    return level.label if leg == 1 or level.kind in ("last", "step") else replace(level, leg=leg).label
+def _label(run: Run, group: Dataset, level: Level, leg: int) -> str:
+    """Return the label of the recorded state of a level on a leg, in whatever unit a study gives it; else its own."""
+    label = level.label if leg == 1 or level.kind in ("last", "step") else replace(level, leg=leg).label
+    labels = dict.fromkeys(text for dim in STATES if dim in group.dims for text in group[dim].values.tolist())
+    if label in labels or not _is_stored(level):
+        return label
+    by_surface = scales(run, group)
+    states = [(text, found) for text in labels if _is_stored(found := parse(text)) and found.leg in (None, leg)]
+    for text, found in sorted(states, key=lambda state: state[1].leg is None):
+        if all(_same(scale, found, level) for scale in by_surface):
+            return text
+    return label
+
+
+def _same(scale: Scale, one: Level, other: Level) -> bool:
+    """Return whether two levels are one state of a surface."""
+    (kind, value), (asked, wanted) = _starred(scale, one), _starred(scale, other)
+    return kind == asked and abs(value - wanted) <= slack(kind, wanted)
+
+
+def _starred(scale: Scale, level: Level) -> tuple[str, float]:
+    """Return kind and value of a level as a starred number."""
+    assert level.value is not None
+    try:
+        return scale.starred(level.kind, level.value)
+    except ValueError as error:
+        raise DatasetError(f"{level.kind} {error}") from error
 
 
 def _path(
@@ -324,10 +349,7 @@ def _path(
         reach += values[np.isfinite(values)].tolist()
         return np.log(np.where(values > 0.0, values, np.nan)), math.log(value), REACHED
     assert level.value is not None
-    try:
-        kind, value = scale.starred(level.kind, level.value)
-    except ValueError as error:
-        raise DatasetError(f"{level.kind} {error}") from error
+    kind, value = _starred(scale, level)
     values = part[STARRED[kind].stored].transpose("seed", "step").values[k]
     reach += (values[np.isfinite(values)] * (float(level.value) / value if value else 1.0)).tolist()
     return values, value, slack(kind, value)
@@ -403,16 +425,16 @@ def _leak(run: Run, part: Dataset, k: int, level: Level) -> tuple[Array, float]:
     return rates.values * convert(1.0, str(part[LEAK].attrs["units"]), unit), float(level.value)
 
 
-def _recorded(group: Dataset, level: Level, leg: int) -> dict[str, Array]:
-    """Return the numbers of a recorded state by surface, NaN where it is not reached; empty without one."""
+def _recorded(group: Dataset, level: Level, label: str, steps: Array) -> dict[str, Array]:
+    """Return the numbers of a recorded state by surface, NaN where no step of the leg has it; empty without one."""
     if not _is_stored(level):
         return {}
     stored = STATE_KINDS[level.kind].stored
-    label = _label(level, leg)
     for dim in STATES:
         if dim in group.dims and label in group[dim].values.tolist():
             own = group.sel({dim: label})
             values = {name: own[f"{dim}_{name}"].values for name in OF_STATE if f"{dim}_{name}" in own}
             if stored in values:
-                return {name: np.where(own[f"{dim}_step"].values >= 1, array, np.nan) for name, array in values.items()}
+                on_leg = np.isin(own[f"{dim}_step"].values, steps)
+                return {name: np.where(on_leg, array, np.nan) for name, array in values.items()}
     return {}

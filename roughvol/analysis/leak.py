@@ -67,23 +67,26 @@ def _named_dry(variable: DataArray) -> DataArray:
     return variable.assign_attrs(words)
 
 
-def recorded(group: Dataset, label: str) -> dict[str, Array]:
+def recorded(group: Dataset, label: str, steps: Array) -> dict[str, Array]:
     """Return the flows (surfaces, axes) at a recorded state, by the names of `counted`; empty without one.
 
-    Flows of the dry gap are named dry under fluid pressure. A flow is NaN where the state was not reached.
+    Flows of the dry gap are named dry under fluid pressure. A flow is NaN where none of the steps has the state.
     """
     found: dict[str, DataArray] = {}
     if "flux_at" in group.dims and label in group["flux_at"].values.tolist():
         state, dry = group.sel(flux_at=label), "_dry" if is_lifted(group) else ""
         stored = {f"{flow}{dry}": f"flux_at_{flow}" for flow in DRY}
-        found |= {name: state[own] for name, own in stored.items() if own in state and name in group}
+        there = state["flux_at_step"].isin(steps)
+        found |= {name: state[own].where(there) for name, own in stored.items() if own in state and name in group}
         if f"open{dry}" in group and f"transmissivity{dry}" in found:
             found[f"open{dry}"] = is_open(found[f"transmissivity{dry}"])
     if STATE in group.dims and label in group[STATE].values.tolist():
         state = group.sel({STATE: label})
+        there = state[f"{STATE}_step"].isin(steps)
         for name in _stored(group):
-            found = _dry(group, state, name) | found  # flows of ``flux_at`` have the accuracy that the study asks for
-            found |= {name: state[LIFTED[name]], "open": is_open(state[LIFTED[name]])}
+            lifted = {name: state[LIFTED[name]], "open": is_open(state[LIFTED[name]])}
+            own = {flow: values.where(there) for flow, values in (_dry(group, state, name) | lifted).items()}
+            found = own | found  # flows of ``flux_at`` have the accuracy that the study asks for
     return {name: values.transpose("seed", "axis").values.astype(float) for name, values in found.items()}
 
 

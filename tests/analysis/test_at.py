@@ -264,6 +264,25 @@ def test_a_state_of_recorded_flux_has_the_leak_solved_for_it(pressure: str) -> N
     assert bool(found.residual.isnull().all()) == (pressure == "0.01 MPa")
 
 
+@pytest.mark.parametrize("load", ["pressure=35 kPa", "p=0.7", "load=0.3951171875 mN"])
+def test_a_recorded_state_is_found_by_its_load_in_any_unit(load: str, tmp_path: Path) -> None:
+    ds = roughvol.run(loads(FLUX), out=tmp_path, jobs=1)
+    found, recorded = (ds.roughvol.at(at) for at in (load, "pressure=0.035 MPa"))
+    assert_allclose(found.leak_rate, recorded.leak_rate, rtol=1e-12)
+
+
+def test_a_state_recorded_on_a_later_leg_is_the_state_solved_for_it(tmp_path: Path) -> None:
+    """No surface reaches it on the first leg, so its label names no leg."""
+    ends = ("0.02 MPa", "0.01 MPa", "0.1 MPa")
+    legs = ", ".join(f"{{steps: 1, to: {{pressure: {end}}}}}" for end in ends)
+    text = FLUX.replace("{pressures: [0.02 MPa, 0.05 MPa, 0.1 MPa]}", f"[{legs}]").replace("0.01 MPa, 0.035", "0.035")
+    ds = roughvol.run(loads(text), out=tmp_path, jobs=1)
+    for leg in ("", ", leg 3"):
+        found = ds.roughvol.at(f"pressure=0.035 MPa{leg}")
+        assert_allclose(found.free_volume, ds.flux_at_free_volume.isel(flux_at=0), rtol=1e-12)
+        assert_allclose(found.transmissivity, ds.flux_at_transmissivity.isel(flux_at=0), rtol=1e-12)
+
+
 def test_a_way_is_closed_from_its_solved_closing_load_on(tmp_path: Path) -> None:
     text = SEAL.replace("{steps: 10, to: percolation}", "{pressures: [0.02 MPa, 2 MPa]}")
     text = text.replace("record:", "record:\n  fields_at: {mean_gap: 0.05 um}").replace(
