@@ -215,7 +215,8 @@ def has_legs(card: Card) -> bool:
 def _leg(card: Card) -> str:
     """Return the leg of the load of a card in words; empty without legs."""
     legs = legs_of(card.surfaces[0].table)
-    leg = card.load.partition(", leg ")[2] or legs[-1 if card.load == "last" else 0]
+    named = (load.partition(", leg ")[2] for load in (card.load, card.surfaces[0].recorded))
+    leg = next(filter(None, named), legs[-1 if card.load == "last" else 0])
     return f"on leg {leg}" if len(legs) > 1 else ""
 
 

@@ -22,6 +22,7 @@ from roughvol.analysis.leak_card import Card, Closing, Part, Way
 from roughvol.campaign import card as card_runs
 from roughvol.campaign import execution
 from roughvol.errors import DatasetError, StudyError
+from roughvol.report import card_text
 from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.store.dataset import Dataset
 from roughvol.study import Level, Study, load, loads, parse
@@ -474,6 +475,23 @@ record: {{transport: {{transmissivity: every-step}}, {DIMENSIONAL}}}
     assert leaks["pressure=0.5, leg 2"] < 0.9 * leaks["pressure=0.5"]  # yield keeps the surfaces nearer
     assert_allclose(leaks["last"], fine["leak_rate"].sel(axis="x").isel(step=-1))
     assert_allclose(leaks["last, leg 1"], fine["leak_rate"].sel(axis="x").isel(step=3))
+
+
+def test_elastic_contact_has_the_same_errors_on_every_leg(tmp_path: Path) -> None:
+    legs = "[{steps: 4, to: {pressure: 1.0}}, {steps: 4, to: {pressure: 0.1}}, {steps: 2, to: {pressure: 2.0}}]"
+    text = f"""name: rubber
+surface: {{D: 2.2, m: 4, L: 100 um, Sq: 0.4 um, seeds: [1]}}
+material: {{E_star: 10 MPa}}
+sweep: {legs}
+record: {{transport: {{transmissivity: every-step}}, {DIMENSIONAL}}}
+"""
+    windows = []
+    for at, leg in (("pressure=0.5", 1), ("pressure=0.5, leg 2", 2), ("pressure=0.5, leg 3", 3), ("pressure=1.5", 3)):
+        card = _of(_pressed(text, parse(at), tmp_path))
+        assert f"on leg {leg}" in card_text.load_of(card)
+        windows.append(part_of(card.ways[0], "window"))
+    for window in windows[1:3]:
+        assert_allclose([window.factor, window.smaller], [windows[0].factor, windows[0].smaller], rtol=1e-2)
 
 
 # fluid pressure

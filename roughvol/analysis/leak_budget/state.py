@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from xarray import Dataset
 
-from roughvol.analysis.at import legs_of, state_at
+from roughvol.analysis.at import state_at
 from roughvol.analysis.average import Average, average
 from roughvol.analysis.closing import load_of, spans
 from roughvol.analysis.derived import derived, groups
@@ -23,7 +23,7 @@ from roughvol.errors import DatasetError
 from roughvol.gap.transport import conduction
 from roughvol.observables.variables import AXES
 from roughvol.store.card_runs import Pressed
-from roughvol.study import HeightFile, Level, Quantity
+from roughvol.study import HeightFile, Level, Quantity, parse
 from roughvol.typing import Array
 
 EXACT = 1e-8  # accuracy of the flows whose ratios are parts of the error
@@ -42,7 +42,7 @@ class Loaded:
     table: Dataset  # states along step, fields, of one surface along seed
     state: Dataset | None  # None if the sweep does not reach the load and is open at its end
     recorded: str
-    leads: bool = True  # the state lies on the first leg
+    leads: bool = True  # the state lies on the curve of the first leg
     of_leak: float = 1.0
     of_load: float = 1.0
 
@@ -169,15 +169,9 @@ def surfaces_at_load(pressed: Pressed) -> Iterator[Loaded]:
             except DatasetError:
                 yield Loaded(name, run, pressed.level, table, None, pressed.level.label)
                 continue
-            leads = len(legs_of(table)) == 1 or leg_of(table, pressed.level) == 1
+            # elastic contact retraces its path
+            leads = "plastic_volume" not in table or (parse(state.label).leg or 1) == 1
             yield Loaded(name, run, pressed.level, table, state.data, state.recorded, leads)
-
-
-def leg_of(table: Dataset, level: Level) -> int:
-    """Return the leg of a level: the last one of ``last``, else the first one if none is named."""
-    if level.kind == "step":
-        return int(table["leg"].sel(step=int(level.value or 1)))
-    return level.leg or (legs_of(table)[-1] if level.kind == "last" else 1)
 
 
 def comparable(runs: Sequence[Pressed], fine: Sequence[Loaded]) -> tuple[str, list[Loaded]]:
