@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.testing import assert_allclose
 
+import roughvol
 from roughvol.analysis.average import average
 from roughvol.campaign.one_case import run_case
 from roughvol.errors import DatasetError
@@ -58,6 +59,7 @@ record:
   dimensional: {pressure: MPa, leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s}}
 """
 
+CLOSED = "D: 2.2, m: 3, sides: mirrored, seeds: 1"
 FIGURES = {name: figure for name, figure in ALL.items() if name.startswith("seal_")}
 
 
@@ -94,6 +96,18 @@ def test_every_figure_is_drawn(name: str, ds: Dataset, drawn: Callable[[str], Fi
 @pytest.mark.parametrize("name", ["seal_transmissivity", "seal_estimates"])
 def test_a_single_state_is_no_curve_and_no_error(name: str, ds: Dataset) -> None:
     assert shown(FIGURES[name](ds.assign(transmissivity=ds.transmissivity.where(ds.step == 2)))) > 1
+
+
+@pytest.mark.parametrize("name", ["seal_percolation", "seal_transmissivity"])
+def test_a_surface_in_full_contact_at_every_state_is_drawn(name: str, tmp_path: Path) -> None:
+    text = TEXT.replace("{steps: 8, to: percolation}", "{steps: 1}").replace("D: [2.2, 2.5], m: 4, seeds: 3", CLOSED)
+    record = "{transport: {percolation: every-step, transmissivity: every-step}}"
+    ds = roughvol.run(loads(text[: text.index("record:")] + f"record: {record}"), out=tmp_path, jobs=1)
+    FIGURES[name](ds).savefig(tmp_path / "drawn.png")
+
+
+def test_a_surface_without_a_way_to_its_sides_has_a_figure_of_its_volume(one: Dataset, tmp_path: Path) -> None:
+    FIGURES["seal_volume"](one.assign(connected_volume_fraction=0.0 * one.free_volume)).savefig(tmp_path / "drawn.png")
 
 
 @pytest.mark.parametrize("name", FIGURES)

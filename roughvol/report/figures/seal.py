@@ -55,9 +55,10 @@ def _panels(ds: Dataset, rows: int, *names: str) -> tuple[Drawing, Any, list[Fam
     axes = fig.subplots(rows, 3, sharex="col", sharey="row", squeeze=False)
     for ax, x in zip(axes[-1], (P, A, V), strict=True):
         ax.set_xlabel(LABELS[x])
-    axes[0, 2].set_xscale("log")  # most of the closing happens below V* = 0.3
-    for ax in axes[:, 2]:
-        plain_ticks(ax.xaxis)
+    if bool((ds[V] > 0.0).any()):
+        axes[0, 2].set_xscale("log")  # most of the closing happens below V* = 0.3
+        for ax in axes[:, 2]:
+            plain_ticks(ax.xaxis)
     _in_units(axes[0, 0], ds)
     fig.shown = shown(some)
     return fig, axes, some, title
@@ -85,7 +86,8 @@ def seal_volume(ds: Dataset) -> Drawing:
         for ax, x in zip(row, (P, A, V), strict=True):
             for family in some:
                 ways.draw_states(ax, family, x, name)
-    axes[0, 0].set_yscale("log")
+    if bool((ds["connected"] > 0.0).any()):
+        axes[0, 0].set_yscale("log")
     number = several(family.surfaces for family in some)
     words = [title, f"mean of {number} surfaces, band ± 1 std. dev." if number else ""]
     handles = axes[0, 0].get_legend_handles_labels()[0]
