@@ -7,6 +7,7 @@ import pytest
 from xarray import Dataset
 
 from roughvol.errors import DatasetError
+from roughvol.report.figures import content
 from roughvol.report.figures.registry import FIGURES
 
 LEVELS, ROUNDS = 3, 4
@@ -53,6 +54,12 @@ def test_the_legend_names_each_line_of_the_right_panel(results: Dataset) -> None
     (legend,) = FIGURES["ensemble_cost"](results).legends
     texts = [text.get_text() for text in legend.get_texts()]
     assert texts == ["$D = 2.2$", "$D = 2.5$", "plain Monte Carlo", "accuracy asked for"]
+
+
+def test_the_points_of_each_panel_name_their_fractal_dimension(results: Dataset) -> None:
+    found = {(point["panel"], point["curve"]) for point in content.data(FIGURES["ensemble_cost"](results))}
+    named = {(panel, f"D = {D}") for panel in (1, 2, 3) for D in (2.2, 2.5)}
+    assert found == named | {(3, f"D = {D}, plain Monte Carlo") for D in (2.2, 2.5)}
 
 
 def test_an_axis_of_less_than_a_decade_has_plain_labels(results: Dataset) -> None:

@@ -35,8 +35,9 @@ def ensemble_cost(ds: Dataset) -> Drawing:
     means = dict[str, None]()
     for order, (D, samples, look) in enumerate(zip(dimensions, counts, looks(len(dimensions)), strict=True)):
         of_D, line = ds.sel(D=D), LINES[order % len(LINES)]
-        left.plot(levels, samples, ls=line, label=f"$D = {D:g}$", **look)
-        middle.plot(levels, samples * of_D["ensemble_sample_cost"].values, ls=line, **look)
+        label = f"$D = {D:g}$"
+        left.plot(levels, samples, ls=line, label=label, **look)
+        middle.plot(levels, samples * of_D["ensemble_sample_cost"].values, ls=line, label=f"_{label}", **look)
         if (farthest := _farthest(of_D)) is not None:
             means[_draw_intervals(right, of_D, *farthest, line, look)] = None
     words = "\n".join(means) or "every mean is 0"
@@ -61,10 +62,12 @@ def _draw_intervals(ax: Any, of_D: Dataset, name: str, at: str, line: Any, look:
     state = of_D.sel(ensemble_at=at)
     percent = 100.0 / abs(float(state[f"{name}_mean"]))
     cost = of_D["ensemble_round_cost"].values
-    ax.plot(cost, percent * state[f"{name}_round_half_width"].values, ls=line, **look)
+    label = f"_$D = {float(of_D['D']):g}$"
+    ax.plot(cost, percent * state[f"{name}_round_half_width"].values, ls=line, label=label, **look)
     end = max(float(np.nanmax(cost)), float(of_D["ensemble_plain_cost"]))
     plain_cost = np.geomspace(np.nanmin(cost), end, 9)
-    ax.plot(plain_cost, percent * _plain_half_width(state, name, plain_cost), ls=":", lw=0.8, color=look["color"])
+    plain: dict[str, Any] = {"ls": ":", "lw": 0.8, "color": look["color"], "label": f"{label}, plain Monte Carlo"}
+    ax.plot(plain_cost, percent * _plain_half_width(state, name, plain_cost), **plain)
     ax.axhline(percent * float(state[f"{name}_accuracy_asked"]), lw=0.5, color=GREY, zorder=0)
     symbol = str(state[f"{name}_mean"].attrs.get("symbol", name)).strip("<>")
     return file_text(symbol if at == "percolation" else f"{symbol} at {at}")
