@@ -189,8 +189,9 @@ class Study(StudyFile):
                 raise StudyError([Problem(str(error), key)]) from error
         former = renamed(data, problems, [key_path(key) for key in keys])
         same_files = not any(set(key_path(key)) & {"file", "files", "against"} or key == "surface" for key in keys)
+        data = _given(data)
         try:
-            study = type(self).model_validate(_given(data), context={"folder": Path(), "stored": same_files})
+            study = type(self).model_validate(data, context={"folder": Path(), "stored": same_files})
         except ValidationError as error:
             problems = dict(translated(error, data, type(self))) | problems
         if problems:

@@ -43,6 +43,7 @@ def test_keys_change_a_study_as_they_change_a_file(keys: dict[str, Any], changes
     ("keys", "key", "words"),
     [
         ({"surface.m": 99}, "surface.m", "must be <= 13, given 99"),
+        ({"surface.m": None}, "surface.m", "missing"),
         ({"surfaces.m": 4}, "surfaces", "unknown key; did you mean 'surface'?"),
         ({"sweep.steps": 0}, "record.fields_at", "no contact to record: sweep.steps is 0"),
         ({"surface.seeds[7]": 0}, "surface.seeds[7]", "surface.seeds has 2 items in the study"),
