@@ -43,7 +43,7 @@ def report(
     else:
         say(page.summary(found.report))
         say(written)
-    left = departures(found.judgement, expected.read_text(encoding="utf-8")) if expected else []
+    left = departures(found.judgement, expected.read_bytes()) if expected else []
     if left:
         head = f"{count(len(left), 'answer')} left the bands of {expected}"
         raise CampaignError("\n".join([head, *(f"  {departure}" for departure in left)]))

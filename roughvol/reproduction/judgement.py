@@ -95,7 +95,7 @@ def judge(stored: Sequence[StoredRun | str | Path], *, any_size: bool = False) -
     )
 
 
-def departures(judgement: Judgement, expected: str) -> list[str]:
+def departures(judgement: Judgement, expected: str | bytes) -> list[str]:
     """Return in words what left the bands of an expectation.
 
     ``expected`` is JSON ``{"verdicts": {"4": "holds"}, "numbers": {"4.exponent": [0.35, 0.45]}}``, by claim and key.

@@ -188,8 +188,8 @@ def test_what_leaves_its_band_is_named(answered: Judgement) -> None:
     assert any("4.exponent" in line and "expected 5 to 6" in line for line in found)
 
 
-@pytest.mark.parametrize("text", UNUSABLE)
-def test_an_expectation_that_checks_nothing_is_refused(answered: Judgement, text: str) -> None:
+@pytest.mark.parametrize("text", [*UNUSABLE, b"\xa7\xff"])
+def test_an_expectation_that_checks_nothing_is_refused(answered: Judgement, text: str | bytes) -> None:
     with pytest.raises(DatasetError):
         judgement.departures(answered, text)
 
