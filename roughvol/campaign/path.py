@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from roughvol.contact.bracket import Target
 from roughvol.contact.loading import Compliance, Trials, sweep
 from roughvol.contact.options import Options
 from roughvol.contact.search import first_indentation, indentation_for, state_crossing, state_reaching
@@ -16,6 +17,7 @@ from roughvol.observables.levels import check_touch, end_of, options_of, searche
 from roughvol.observables.reduction import Reduction
 from roughvol.observables.regions import within
 from roughvol.study import STATE_KINDS, Case, Legs, Level, Scale, Sweep
+from roughvol.study.values.state_kinds import Starred
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
 
@@ -48,14 +50,19 @@ def _starred(leg: Sweep, of: Callable[[Level], Level]) -> Sweep:
     changed: dict[str, Any] = {}
     if not isinstance(leg.to, str) and leg.target.value is not None:
         level = of(leg.target)
-        changed["to"] = type(leg.to).model_construct(None, **{level.kind: level.value})
+        changed["to"] = type(leg.to).model_construct(None, **{level.kind: _named(level, leg.target)})
     if leg.listed is not None:
         levels = [of(level) for level in leg.listed]
         changed[STATE_KINDS[leg.listed[0].kind].plural] = ()
-        changed[STATE_KINDS[levels[0].kind].plural] = tuple(level.value for level in levels)
+        changed[STATE_KINDS[levels[0].kind].plural] = tuple(map(_named, levels, leg.listed))
     if leg.first is not None:
         changed["first"] = of(Level("pressure", leg.first)).value
     return leg.model_copy(update=changed)
+
+
+def _named(level: Level, of_study: Level) -> Starred:
+    """Return the value of a level with the label of the state in the study."""
+    return Starred(level.value or 0.0, of_study.label)
 
 
 class Path:
@@ -120,6 +127,8 @@ class Path:
             raise ContactError(message)
         if not states:
             trials = Trials(surface, self._half_space, options)
+            if target.kind == "free_volume" or target.kind.startswith("leak_rate"):
+                self._check_touch(target, goal, trials)
             return state_crossing(trials, goal, trials.untouched).approach
         last, before = states[-1], states[-2]["indentation"] if len(states) > 1 else -np.inf
         trials = Trials(surface, self._half_space, options, after=last)
@@ -140,12 +149,10 @@ class Path:
         if in_region or target.kind.startswith("leak_rate"):
             trials = Trials(surface, half_space, self._options)
             goal = target_of(target, case, surface)
-            if target.kind == "free_volume":
-                check_touch(target, case, surface, trials.untouched)
-            elif goal.reached(trials.untouched):
-                kind = target.kind.replace("_", " ")
-                raise ContactError(f"the {kind} is below that of the end of the sweep at first touch already")
+            self._check_touch(target, goal, trials)
             return state_crossing(trials, goal, trials.untouched).approach
+        if target.kind == "free_volume":
+            check_touch(target, case, surface, Trials(surface, half_space, self._options).untouched)
         solver = case.solver
         options = Options(min(solver.tolerance, solver.pressure_error or 1.0), solver.method)
         predicate = end_of(case, target)
@@ -157,6 +164,14 @@ class Path:
         if kind in ("indentation", "separation"):
             kind, value = "free_volume", value if kind == "separation" else _plane(Level("separation", value), surface)
         return indentation_for(surface, half_space, kind, value, options)
+
+    def _check_touch(self, target: Level, goal: Target, trials: Trials) -> None:
+        """Refuse a target of the first leg that lies before first touch."""
+        if target.kind == "free_volume":
+            check_touch(target, self._case, self._surface, trials.untouched)
+        elif goal.reached(trials.untouched):
+            kind = target.kind.replace("_", " ")
+            raise ContactError(f"the {kind} is below that of the end of the sweep at first touch already")
 
 
 def last_indentation(case: Case, surface: Surface, half_space: Compliance) -> float:

@@ -33,6 +33,7 @@ SCALE = 10.0 * 1.0 / 100.0  # MPa: E* Sq/L
 AREA = (17 * 100.0 / 16) ** 2  # um², of all elements
 ELEMENT = 1.0 / 17**2
 HARD = "material: {E_star: 1.0, hardness: 0.05}\n"
+YIELDING = UNITS.replace("10 MPa}", "10 MPa, hardness: 2 MPa}")
 PATH = "sweep: [{steps: 4, to: {pressure: 1.5}}, {steps: 3, to: {pressure: 0.4}}, {steps: 3, to: {indentation: 2.5}}]\n"
 
 
@@ -532,7 +533,10 @@ def test_a_sweep_without_legs_is_refused() -> None:
             PLAIN + "sweep: {steps: 2, to: {pressure: 50}}\n" + HARD,
             r"p\* = 50 is not reached: pressures end at the hard",
         ),
-        (UNITS + "sweep: {to: {mean_gap: 90 um}}", "of the first touch"),
+        (UNITS + "sweep: {to: {mean_gap: 90 um}}", "mean_gap=90 um lies before the first touch; allowed: below "),
+        (YIELDING + "sweep: {to: {mean_gap: 90 um}}", "mean_gap=90 um lies before the first touch; allowed: below "),
+        (YIELDING + LEAKING + "sweep: {steps: 1, to: {leak_rate: 1e9 mm^3/s}}", "first touch already"),
+        (UNITS + "sweep: {to: {separation: 90 um}}", "a sweep to separation=90 um would end at "),
         (UNITS + LEAKING + "sweep: {steps: 1, to: {leak_rate: 1e9 mm^3/s}}", "first touch already"),
         (UNITS + "sweep: {steps: 3, to: {pressure: 2}, equal: log pressure, first: 3}", r"first step is at p\* = 3"),
         (PERIOD + "sweep: {steps: 3, to: {indentation: 50}}", "allowed on a periodic surface: up to"),
