@@ -332,11 +332,11 @@ def _changed_heights(results: Dataset, cases: Iterable[Case], absent: Sequence[s
 
 def check_heights(study: Study, run: str | Path) -> None:
     """Refuse the study of a run if the content of its height files has changed; a study file may have any heights."""
-    from roughvol.store import dataset
-
     folder = next((folder for folder in _folders(run) if _is_file(folder / RESULTS)), None)
     if folder is None or is_study_file(run) or not isinstance(study.surface, HeightFile):
         return
+    from roughvol.store import dataset
+
     try:
         results = dataset.read(folder / RESULTS)
     except DatasetError:  # damaged results are made again

@@ -294,7 +294,7 @@ def _fabricated(name: str, offset: float = 0.0, **changes: object) -> Run:
     data = xr.Dataset(
         {"contact_area_fraction": (dims, area), "mean_pressure": (dims, p), "free_volume": (dims, volume)},
         coords={"D": list(surface.D), "m": list(surface.m), "seed": list(surface.seeds), "L": float(surface.L)},
-    )
+    ).assign_coords(step=along[3])
     data["separation"] = (dims, separation)
     data["Sq"] = (dims[:3], np.ones([sizes[dim] for dim in dims[:3]]))
     data.attrs["study"] = study.to_yaml()
