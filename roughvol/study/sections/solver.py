@@ -30,9 +30,9 @@ class MaxError(Choice):
 
     EMPTY = "must name free_volume or mean_pressure"
 
-    free_volume: Tolerance | None = optional("largest error of V* at any state, 1e-12 to 1e-1")
+    free_volume: Tolerance | None = optional("largest error of V* at the indentation of a state, 1e-12 to 1e-1")
     mean_pressure: Annotated[float, Field(ge=1e-9, le=1e-1)] | None = optional(
-        "largest relative error of p* at any state, 1e-9 to 1e-1"
+        "largest relative error of p* at the indentation of a state, 1e-9 to 1e-1"
     )
 
 
