@@ -360,14 +360,10 @@ def _defined(run: Run, level: Level, leg: int, scale: Scale, solved: list[int], 
     legs = run.study.sweep.legs if run.study else ()
     if not 1 <= leg <= len(legs) or level.value is None or not _is_stored(level):
         return None
-    kind, value = scale.starred(level.kind, level.value)
     defined = legs[leg - 1]
     targets = dict(enumerate(defined.listed, first)) if defined.listed is not None else {solved[-1]: defined.target}
     for place, target in targets.items():
-        if target.value is None or not _is_stored(target) or place not in solved:
-            continue
-        starred, wanted = scale.starred(target.kind, target.value)
-        if starred == kind and abs(wanted - value) <= slack(kind, value):
+        if target.value is not None and _is_stored(target) and place in solved and _same(scale, target, level):
             return float(place)
     return None
 

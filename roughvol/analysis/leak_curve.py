@@ -217,7 +217,10 @@ def closings(run: Dataset, axis: str, load: str) -> list[tuple[str, Span, Datase
 
 
 def _sheet_closes(run: Dataset, patch: Patch, loads: Array) -> float:
-    """Return the load at which a seal closes, from those of its patches (surfaces, along and across); or inf."""
+    """Return the load at which a seal closes, from those of its patches (surfaces, along and across).
+
+    Infinite if the seal stays open.
+    """
     isotropic = is_isotropic([ratios(table) for _, table in surfaces(run)])
     closes = closing_of(np.fmin(loads, ENDLESS)[:, np.newaxis], patch.patches, isotropic=isotropic).value
     return closes if closes < ENDLESS else math.inf

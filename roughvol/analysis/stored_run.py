@@ -49,7 +49,7 @@ class Run:
 
     @classmethod
     def of(cls, name: str, dataset: Dataset) -> Run:
-        """Return the run of a dataset as `dataset.read` gives it; a `DatasetError` without the labels of its lists."""
+        """Return the run of a dataset as `dataset.read` gives it; a `DatasetError` if a dimension has no labels."""
         if (study := study_in(dataset)) is None:
             return cls(name, dataset)
         surface = "case" if "case" in dataset.coords else "seed"

@@ -295,7 +295,7 @@ def _check(file: Path, results: Dataset, given: Study | None, run: str, call: st
     if given is not None and (lines := _of_another_study(file, results, stored, given)):
         show = "" if within else f"; to see what the folder holds: roughvol show {_word(file.parent)}"
         another = same_study.another_study(file.parent, given, sample_plan.cases_of(given, file.parent))
-        beside = " --set name=OTHER, or --fresh in place of those" if another else ""
+        beside = " --set name=OTHER, or --fresh, which replaces these results" if another else ""
         message = (
             f"{file} does not hold the results of {run} (stored → {run}):\n{_indented(lines)}\n"
             f"to compute them: roughvol run {call}{beside}{show}"

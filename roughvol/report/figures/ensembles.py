@@ -16,7 +16,7 @@ from roughvol.report.figures.style import DASHES, GREY, PAGE, Drawing, axes, loo
 from roughvol.typing import Array
 
 NORMAL = 1.96  # of the 95 % interval of many samples
-MANY = 3  # different means are not named
+MANY = 3  # so many different means, or more, are not named
 LINES = DASHES[:3]  # dots are plain Monte Carlo
 
 

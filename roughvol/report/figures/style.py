@@ -48,7 +48,7 @@ NUMBERS = {
     10.0: (1.0, 2.0, 3.0, 5.0, 7.0),
     100.0: (1.0, 2.0, 5.0),
     math.inf: (1.0,),
-}  # numbers of longer ones, below it
+}  # multiples of powers of ten with a number, on an axis whose ends have less than this ratio
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
 
 
@@ -213,9 +213,9 @@ class _Plain(LogLocator):
 
 
 def plain_ticks(axis: Any, steps: Sequence[float] = ()) -> None:
-    """Label a logarithmic axis with plain numbers: these multiples of each power of ten, or few on a short axis.
+    """Label a logarithmic axis with plain numbers: these multiples of each power of ten, or those of `NUMBERS`.
 
-    Without multiples there are the more, the shorter the axis is.
+    On an axis up to `SHORT` the numbers are few and equally far apart.
     """
     axis.set_major_locator(_Plain(steps))
     axis.set_major_formatter("{x:g}")
