@@ -127,6 +127,7 @@ def _surface(ds: xr.Dataset, E: float) -> Surface:
         labels = ds[dim].values.tolist()
         states[dim] = {
             label: {n.removeprefix(f"{dim}_"): float(v[k]) for n, v in held.items()}
+            | {"leg": legs[int(ds[f"{dim}_step"][k]) - 1]}
             for k, label in enumerate(labels)
             if int(ds[f"{dim}_step"][k]) > 0
         }
@@ -184,7 +185,7 @@ def recorded(surface: Surface, text: str) -> dict[str, float] | None:
     """Return the numbers of a surface at a load: those of the recorded state where the study records the load."""
     numbers = at(surface, text)
     for states in surface.states.values():
-        state = states.get(text.removesuffix(", leg 1"))
+        state = next((own for label, own in states.items() if _is_at(label, own["leg"], text)), None)
         if state is None or numbers is None or not math.isfinite(numbers["mean_pressure"]):
             continue
         name, _, leg = level(text)
@@ -200,6 +201,12 @@ def recorded(surface: Surface, text: str) -> dict[str, float] | None:
         made = {"nominal_pressure": per_p * own["mean_pressure"], "mean_gap": per_V * own["free_volume"]}
         return numbers | own | {n: value for n, value in made.items() if n in numbers}
     return numbers
+
+
+def _is_at(label: str, own_leg: float, text: str) -> bool:
+    """Return whether a recorded state, by its label and leg, is that of a load in any unit."""
+    (kind, own, _), (name, value, leg) = level(label), level(text)
+    return kind == name and math.isclose(own, value, rel_tol=1e-12) and leg in (None, own_leg)
 
 
 def at(surface: Surface, text: str) -> dict[str, float] | None:
