@@ -19,6 +19,7 @@ from roughvol.gap.network import harmonic
 from roughvol.gap.transport import conduction
 from roughvol.report import card_text, screen
 from roughvol.report.figures.creep import drawing_of
+from roughvol.report.figures.leak_card import panels
 from roughvol.study import loads, parse
 from roughvol.surfaces import Spectrum, Surface, power_law_surface, random_midpoint_displacement
 from roughvol.typing import Array
@@ -237,6 +238,7 @@ def test_the_same_seal_of_patches_in_another_direction(tmp_path: Path) -> None:
         leak = next(way.leak.value for way in card.ways if way.axis == flow)
         assert_allclose(card.seal.leak, 60.0 * leak / aspect, rtol=0.05)
         found[flow] = card.seal.patches
+        assert f"Flux along {flow} over its mean; contact is blue." in [panel.caption for panel in panels(card)]
     assert found == {"x": (8, 240), "y": (4, 480)}
 
 

@@ -17,6 +17,7 @@ from roughvol.analysis.leak import STATE
 from roughvol.analysis.leak_card import Card, SurfaceAtLoad, Way, together
 from roughvol.analysis.legs import first_leg
 from roughvol.gap.transport import conduction
+from roughvol.observables.variables import AXES
 from roughvol.report.card_text import SAME, has_legs
 from roughvol.report.figures.families import Family
 from roughvol.report.figures.style import GREY, STYLE, Drawing, looks, plain_ticks, read_style, unit_text
@@ -51,9 +52,11 @@ def panels(card: Card) -> list[Panel]:
     words = f"{kind}{dry} against load{leg}; upright bars are the error at the load of the card{bars}{band}."
     found = [Panel("leak", words, _against_load)]
     if (shown := _shown(card)) is not None:
-        name = f" on {shown.name}" if several else ""
+        surface, axis = shown
+        name = f" on {surface.name}" if several else ""
         lifted = " under fluid pressure" if card.lifted else ""
-        what = "Flux along x over its mean" if shown.leaks[0] > 0.0 else "Closed along x"
+        open_ = surface.leaks[AXES.index(axis)] > 0.0
+        what = f"Flux along {axis} over its mean" if open_ else f"Closed along {axis}"
         found.append(Panel("flux", f"{what}{lifted}{name}; contact is blue.", _flux_map))
     if any(way.leak.value > 0.0 and any(part.known for part in way.parts) for way in card.ways):
         found.append(Panel("budget", "Parts of the error as factors of the leak.", _budget))
@@ -152,12 +155,16 @@ def _load_label(card: Card) -> str:
 # where it leaks
 
 
-def _shown(card: Card) -> SurfaceAtLoad | None:
-    """Return the first surface with fields at the load: an open one if there is any."""
+def _shown(card: Card) -> tuple[SurfaceAtLoad, str] | None:
+    """Return the first surface with fields at the load, and the axis of its map: open ones if there are any.
+
+    The axis is that of the flow through the seal.
+    """
     kept = [
         surface for surface in card.surfaces if "gap" in surface.table and bool(_state(surface)["gap"].notnull().any())
     ]
-    return max(kept, key=lambda surface: surface.leaks[0] > 0.0, default=None)
+    maps = [(surface, axis) for axis in (card.seal.flow if card.seal else AXES) for surface in kept]
+    return max(maps, key=lambda shown: shown[0].leaks[AXES.index(shown[1])] > 0.0, default=None)
 
 
 def _state(surface: SurfaceAtLoad) -> Dataset:
@@ -165,10 +172,11 @@ def _state(surface: SurfaceAtLoad) -> Dataset:
 
 
 def _flux_map(ax: Axes, card: Card) -> None:
-    """Draw the flux along x over its mean on one surface, and the contact."""
-    surface = _shown(card)
-    assert surface is not None
-    state = _state(surface).sel(axis="x")
+    """Draw the flux along an axis over its mean on one surface, and the contact."""
+    shown = _shown(card)
+    assert shown is not None
+    surface, axis = shown
+    state = _state(surface).sel(axis=axis)
     flux, gap = (state[name].transpose("x", "y").values for name in ("flux", "gap"))
     if card.lifted:
         gap = state.sel({STATE: surface.recorded})["fluid_gap"].transpose("x", "y").values
@@ -176,7 +184,7 @@ def _flux_map(ax: Axes, card: Card) -> None:
         whole = bool(inside[np.isfinite(gap)].all())
         rows, columns = (np.flatnonzero(inside.any(axis=other)) for other in (1, 0))
         window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        along = conduction(gap[window], 0, periodic=whole and "periodic" in surface.table.attrs).flux
+        along = conduction(gap[window], AXES.index(axis), periodic=whole and "periodic" in surface.table.attrs).flux
         flux = np.full(gap.shape, np.nan)
         flux[window] = np.hypot(*along)
     mean = np.nanmean(flux)
@@ -184,9 +192,9 @@ def _flux_map(ax: Axes, card: Card) -> None:
     extent = (0.0, 1.0, 0.0, (flux.shape[1] - 1) / (flux.shape[0] - 1))
     drawn = draw_flux(ax, image, gap, extent, "YlOrRd")
     if mean > 0.0:
-        ax.figure.colorbar(drawn, ax=ax, label="flux along x over its mean", location="top", shrink=0.9)
+        ax.figure.colorbar(drawn, ax=ax, label=f"flux along {axis} over its mean", location="top", shrink=0.9)
     ax.set(xticks=(0.0, 0.5, 1.0), yticks=[place for place in (0.0, 0.5, 1.0) if place <= extent[3]])
-    ax.set(xlabel="x/L", ylabel="y/L", title="" if mean > 0.0 else "closed along x; contact is blue")
+    ax.set(xlabel="x/L", ylabel="y/L", title="" if mean > 0.0 else f"closed along {axis}; contact is blue")
 
 
 # error and closing
