@@ -362,6 +362,14 @@ def test_the_map_shows_contact_and_flux_and_the_place_of_the_constriction(
     assert_allclose(marked, case.critical_position.sel(axis="x", step=2))
 
 
+def test_a_map_without_flux_and_gap_at_one_state_is_refused(ds: Dataset) -> None:
+    apart = ds.assign_coords(flux_at=["step=3", "step=6"])
+    unreached = ds.assign(flux_at_step=-1 * xr.ones_like(ds.flux_at_step))
+    for fields in (apart, unreached):
+        with pytest.raises(DatasetError, match="seal_map needs flux and gap at one state"):
+            FIGURES["seal_map"](fields)
+
+
 def test_sampling_keeps_to_what_is_known() -> None:
     points = np.linspace(0.0, 5.0, 11)
     closing = way(np.array([1.0, 2.0, 4.0]), np.array([1e-2, 1e-4, 0.0]))

@@ -25,6 +25,13 @@ def _without(variable: str, words: str) -> Refusal:
     return lambda name, ds: None if variable in ds else f"{name} needs {words}"
 
 
+def _unmapped(name: str, ds: Dataset) -> str | None:
+    """Return the refusal of datasets without a state that has both fields."""
+    if {"flux_at", "field_at"} <= set(ds.coords) and not seal.mapped(ds):
+        return f"{name} needs flux and gap at one state that is reached: give record.fields_at the states of flux_at"
+    return None
+
+
 def _ladder(ladder: str) -> Refusal:
     """Return the refusal of datasets without a ladder of a trade-off."""
 
@@ -41,6 +48,7 @@ def _ladder(ladder: str) -> Refusal:
 REFUSALS = {
     "seal_transmissivity": _lifted,
     "seal_leak_rate": _lifted,
+    "seal_map": _unmapped,
     "path_loops": _without("leg", "a path, as sweep: [{steps: 30, to: {pressure: 1}}, {steps: 30, to: {pressure: 0}}]"),
     "ensemble_cost": _without("ensemble_samples", "a study with a section 'ensemble'"),
     "psd": _without("psd", "the power spectral density: add record: {psd: true}"),

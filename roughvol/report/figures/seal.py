@@ -268,15 +268,20 @@ def seal_estimates(ds: Dataset) -> Drawing:
     return fig
 
 
+def mapped(ds: Dataset) -> list[str]:
+    """Return the states at which a case has its flux and its gap."""
+    reached = (ds["flux_at_step"] > 0).any([dim for dim in ds["flux_at_step"].dims if dim != "flux_at"])
+    return [label for label in ds["flux_at"].values[reached.values] if label in ds["field_at"].values]
+
+
 def seal_map(ds: Dataset) -> Drawing:
     """Flux along x at each recorded load over its mean, contact in flat blue, the critical constriction in a circle.
 
     The flow enters at x = 0 and leaves at x = L.
     """
-    case, name = single(ds, "flux")
+    case, name = single(ds.sel(flux_at=mapped(ds)), "flux")
     case = case.sel(axis="x")
-    reached = [label for label in case["flux_at"].values if int(case["flux_at_step"].sel(flux_at=label)) > 0]
-    labels = [label for label in reached if label in case["field_at"].values][:3]
+    labels = case["flux_at"].values[case["flux_at_step"].values > 0][:3]
     fig = canvas(PAGE, 2.9)
     axes = fig.subplots(1, len(labels), sharey=True, squeeze=False)[0]
     for ax, label in zip(axes, labels, strict=True):
