@@ -15,7 +15,7 @@ from roughvol.contact.search import TARGETS, state_crossing, state_reaching
 from roughvol.errors import ContactError
 from roughvol.observables import void
 from roughvol.observables.pressures import largest_pressure
-from roughvol.observables.regions import State, within
+from roughvol.observables.regions import State, window, within
 from roughvol.study import STARRED, Case, Level
 from roughvol.study.values.state_kinds import slack
 from roughvol.surfaces.surface import Surface
@@ -112,7 +112,10 @@ def target_of(level: Level, case: Case, surface: Surface) -> Target:
         return Target(closing, -math.log(1.0 + CLOSED))
     depth = (surface.z_max - surface.mean_height) / surface.unit
     if kind == "free_volume":
-        return Target(lambda contact: depth - float(within(contact, case).gap().mean()), depth - value)
+        region = case.record.region
+        mean = surface.mean_height if region is None else float(surface.heights[window(case, surface.shape)].mean())
+        most = (surface.z_max - mean) / surface.unit
+        return Target(lambda contact: most - float(within(contact, case).gap().mean()), most - value)
     if kind in ("indentation", "separation"):
         closed = value if kind == "indentation" else depth - value
         return Target(lambda contact: depth - float(contact.gap().mean()) + contact.plastic_volume, closed)

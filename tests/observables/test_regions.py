@@ -61,6 +61,14 @@ def test_a_sweep_in_a_region_ends_at_its_value(kind: str, value: float, name: st
     assert abs(found[0] / value - 1.0) > 0.1
 
 
+def test_a_level_of_free_volume_is_found_in_a_region_below_the_mean_plane() -> None:
+    text = "surface: {D: 2.3, m: 4, seeds: [8]}\nsweep: {steps: 2, to: {indentation: 2}}\n"
+    record = "record: {region: interior, fields_at: {free_volume: 2.5}}"  # at first touch 2.81, of the whole 2.21
+    found = run_case(loads(text + record).cases()[0])
+    assert found.free_volume.values.ravel()[0] < 2.5
+    assert float(found.field_at_free_volume.squeeze()) == pytest.approx(2.5, rel=5e-6)
+
+
 def test_a_free_volume_of_a_region_before_the_first_touch_is_refused() -> None:
     text = "surface: {D: 2.3, m: 4, seeds: [1]}\nsweep: {to: {free_volume: 9.0}}\nrecord: {region: interior}"
     with pytest.raises(ContactError, match="before the first touch; allowed: below"):
