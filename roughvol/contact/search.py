@@ -273,12 +273,15 @@ def _least_error(indentation: float, states: list[Contact], clear: float) -> tup
     return later, earlier
 
 
-def state_crossing(trials: Trials, target: Target, start: Contact, end: Contact | None = None) -> Contact:
+def state_crossing(
+    trials: Trials, target: Target, start: Contact, end: Contact | None = None, *, brink: bool = True
+) -> Contact:
     """Return the first state at which a quantity reaches a value, on the way from a solved state: up or down.
 
     `end` is a state at the value or beyond it. By default it is the first touch where the value is below that of the
-    start, and is found by steps that double where it is above. On loading, elements on the brink of contact do not
-    count in a quantity that jumps with elements.
+    start, and is found by steps that double where it is above. With `brink`, elements on the brink of contact do not
+    count on loading in a quantity that jumps with elements. Such a quantity may jump at first touch, at no indentation:
+    the state is found to the tolerance.
     """
     begin, value = target.measure(start), target.value
     if begin == value:
@@ -286,7 +289,7 @@ def state_crossing(trials: Trials, target: Target, start: Contact, end: Contact 
     sign = 1.0 if value > begin else -1.0
 
     def excess(contact: Contact) -> float:
-        if target.elements and sign > 0.0:
+        if target.elements and sign > 0.0 and brink:
             contact = trials.line(contact, contact)(contact.approach, trials.options.search.sure * trials.options.rtol)
         return sign * (target.measure(contact) - value)
 
@@ -307,7 +310,7 @@ def state_crossing(trials: Trials, target: Target, start: Contact, end: Contact 
         reach, solves = 2.0 * reach, solves + 1
     if far is touch and excess(far) == 0.0:
         return far  # contact is lost there and not before
-    return _between(trials, excess, near, far)
+    return _between(trials, excess, near, far, trials.options.rtol if target.elements else 0.0)
 
 
 def _apart(trials: Trials, target: Target) -> Contact:
@@ -319,14 +322,14 @@ def _apart(trials: Trials, target: Target) -> Contact:
     return state
 
 
-def _between(trials: Trials, excess: Callable[[Contact], float], near: Contact, far: Contact) -> Contact:
+def _between(trials: Trials, excess: Callable[[Contact], float], near: Contact, far: Contact, least: float) -> Contact:
     """Return a state of excess ≥ 0 as near to the other side as asked for: regula falsi (Illinois) and bisection."""
     low, high = excess(near), excess(far)
     bracket = Bracket([near], falls=far.approach < near.approach)
     bracket.beyond.append(far)
     for trial in range(SOLVES):
         near, far, width = bracket.short[0], bracket.beyond[0], bracket.width
-        if abs(width) <= CROSSING * far.approach + 2.0 * (near.residual + far.residual):
+        if abs(width) <= max(least, CROSSING * far.approach + 2.0 * (near.residual + far.residual)):
             return far
         plateau = high == 0.0  # as of percolation and of whole elements: it begins before this state
         share = 0.5 if plateau or trial % 3 == 2 else min(max(low / (low - high), 0.01), 0.99)

@@ -154,9 +154,9 @@ def at_level(level: Level, between: Between) -> Contact:
             trials = Trials(surface, half_space, options, after=after.state())
             start = trials.known(earlier[-1], residual) if earlier else trials.untouched
             end = trials.known(after.state(), after.residual)
-            return state_crossing(trials, replace(target, elements=False), start, end)
+            return state_crossing(trials, target, start, end, brink=False)
         trials = Trials(surface, half_space, options)
-        before = [trials.known(state, residual) for state in earlier[-1:]]
+        before = [trials.known(state, residual) for state in earlier[-1:] if state["elements"].size]
         trials.least = before[0] if before else None
         return state_reaching(trials, target, [*before, trials.known(after.state(), after.residual)])
     indentation = value if level.kind == "indentation" else after.indentation + after.separation - value

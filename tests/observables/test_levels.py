@@ -119,6 +119,17 @@ def test_levels_before_the_first_step_are_found() -> None:
     assert touch["indentation"] < 1e-3
 
 
+@pytest.mark.parametrize("hardness", ["", "hardness: 0.3"])
+def test_an_area_below_one_element_is_met_at_first_touch_on_every_leg(hardness: str) -> None:
+    path = "[{steps: 2, to: {pressure: 0.2}}, {steps: 2, to: {pressure: 0}}, {steps: 2, to: {pressure: 0.3}}]"
+    text = f"surface: {{D: 2.3, m: 4, seeds: [1]}}\nmaterial: {{{hardness}}}\nsweep: {path}\n"
+    result = run_case(loads(text + "record: {fields_at: {contact_area: 1.0e-9}, all_legs: true}").cases()[0])
+    elements = 289 * result.field_at_contact_area_fraction.values.ravel()
+    assert elements[0] >= 1.0 > elements[1] == 0.0  # leg 2 ends without contact
+    assert elements[2] >= 1.0
+    assert np.all(result.field_at_mean_pressure < 1e-3)
+
+
 @pytest.mark.parametrize("asked", [1e-2, 1e-4])
 def test_the_error_of_the_pressure_asked_for_holds_at_levels(asked: float) -> None:
     at = "fields_at: {pressure: [0.5, 2], contact_area: 0.3, separation: -1}"
