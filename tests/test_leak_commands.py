@@ -49,7 +49,9 @@ def test_a_stored_sweep_answers_with_a_pressure() -> None:
     assert "along x: pressure 0.0" in asked
     assert re.search(r"MPa \(0\.\d+ to 0\.\d+\), between the steps p\* = ", asked)
     least = said("ask", "scan", "--leak-rate", "1 m^3/s")
-    assert re.search(r"along x: any pressure of p\* = \d\.\d+ \(0\.\d+ MPa\) or more: the first step leaks less", least)
+    assert re.search(
+        r"along x: any pressure of p\* = \d\.\d+ \(0\.\d+ MPa\) or more: the first known step leaks less", least
+    )
     never = said("ask", "scan", "--leak-rate", "1e-30 mm^3/s", "--for", "modulus", "--at", "pressure=1 kPa")
     assert re.search(r"along y: no modulus within the stored loads, up to p\* = \d\.\d+ \(0\.1 MPa\)", never)
     assert "scan: largest modulus for a leak up to 1e-30 mm^3/s" in never

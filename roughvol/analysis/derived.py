@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from xarray import DataArray, Dataset
 
-from roughvol.analysis.leak import counted, is_open
+from roughvol.analysis.leak import EVIDENCE, counted, is_open
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.units import sigma
 from roughvol.errors import ContactError, DatasetError
@@ -34,11 +34,9 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
         nominal = nominal.assign_attrs(units=study.material.unit, symbol="p")
     if nominal is not None and P in ds:  # an unloaded surface has p* of rounding
         found["nominal_pressure"] = nominal.where(abs(ds[P]) > ROUNDING, 0.0 * nominal).assign_attrs(nominal.attrs)
-    # any of them is 0 where the way is closed; the first one stored is taken
-    for name in ("percolates", "critical_gap", "transmissivity"):
+    for name in EVIDENCE:  # a record may have them at different steps
         if name in ds and bool(ds[name].notnull().any()):
-            found["open"] = is_open(ds[name])
-            break
+            found["open"] = found["open"].fillna(is_open(ds[name])) if "open" in found else is_open(ds[name])
     return counted(ds.assign(found))
 
 

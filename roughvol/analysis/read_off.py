@@ -390,7 +390,7 @@ def _closing(run: Dataset, axis: str, errors: Mapping[str, Errors] | None) -> li
     stored = closings(run, axis, load)
     solved = own.solved if own is not None and len(own.solved) == len(stored) else [span for _, span, _ in stored]
     for (name, _, surface), span in zip(stored, solved, strict=True):
-        known = np.isfinite(surface[load].values)
+        known = np.isfinite((surface[load] + surface[leak.ways(run)].sel(axis=axis)).values)
         pressure, starred = (surface[key].values[known] for key in (load, "mean_pressure"))
         reading = LoadReading.of(span) if own is None else _closing_with_errors(span, own)
         found.append(_Needed(name, reading, pressure, starred, float(sigma(surface)), own))

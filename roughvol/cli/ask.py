@@ -121,9 +121,9 @@ def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
     steps = f"between the steps p* = {first} and {last}" if math.isfinite(answer.between[1]) else f"beyond p* = {first}"
     of = f", for the leakiest of {answer.surfaces} surfaces ({answer.surface})" if answer.surfaces > 1 else ""
     if answer.nominal.value == 0.0:
-        begin = "the first step is closed" if closed else "the first step leaks less"
+        begin = f"the first known step {'is closed' if closed else 'leaks less'}"
         every = f" of all {answer.surfaces} surfaces" if answer.surfaces > 1 else ""
-        return f"any {unknown} of {_load(answer, 1)} or more: {begin}{every}; smaller loads are not stored"
+        return f"any {unknown} of {_load(answer, 1)} or more: {begin}{every}; smaller loads are not known"
     if not answer.found:
         return f"no {unknown} within the stored loads, up to {_load(answer, 0)}{of}"
     unit = "" if answer.unit == "1" else f" {answer.unit}"

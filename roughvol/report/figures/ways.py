@@ -22,7 +22,7 @@ from xarray import DataArray, Dataset
 from roughvol.analysis.at import MADE
 from roughvol.analysis.average import RANGE
 from roughvol.analysis.closing import LOADS, solved_loads
-from roughvol.analysis.leak import LIFTED, STATE, is_lifted
+from roughvol.analysis.leak import EVIDENCE, LIFTED, STATE, is_lifted
 from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES
 from roughvol.report.figures.families import Family, curves, mean_and_band, named, several
@@ -31,7 +31,6 @@ from roughvol.typing import Array, Mask
 
 GRID = 240  # points of a curve over several surfaces
 BAND = (100.0 * RANGE[0], 100.0 * RANGE[1])  # percentiles of a band over surfaces
-EVIDENCE = ("transmissivity", "percolates", "critical_gap", "diffusivity")  # each is 0 where a way is closed
 LEAD, SHUT = "_lead", "_closed"  # labels of a line that is no data, and of the mark of a closed way
 LINES: dict[str, Any] = {"x": "-", "y": (0, (4.0, 1.5))}
 CLOSED = {"x": "x", "y": "+"}
