@@ -1,8 +1,9 @@
 """The one number of several surfaces: the convention of each quantity, its range, and the counts.
 
 Patches are samples of one joint. A flow varies by decades between patches and is 0 where a patch is closed: its number
-is the median over surfaces, with the 16 to 84 % range, and a closed surface counts as 0. Every other quantity has the
-arithmetic mean over the surfaces that have a value.
+is the median over surfaces, with the 16 to 84 % range, and a closed surface counts as 0. A median of 0 is missing where
+the surfaces without a value might open it. Every other quantity has the arithmetic mean over the surfaces that have a
+value.
 """
 
 from __future__ import annotations
@@ -46,6 +47,8 @@ def average(name: str, values: ArrayLike) -> Average:
         return Average(np.nan, np.nan, np.nan, 0, all_values.size)
     low, high = np.quantile(known, RANGE)
     value = np.median(known) if is_flow(name) else known.mean()
+    if is_flow(name) and value == 0.0 and 2 * np.count_nonzero(known == 0.0) <= all_values.size:
+        value = low = high = np.nan
     return Average(float(value), float(low), float(high), known.size, all_values.size)
 
 

@@ -281,7 +281,8 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
 
     States without a leak of the seal stay as they are: of a study without a seal, of a seal smaller than its patches,
     and of patches in a row that fluid pressure lifts by different pressures. A leak at a step of surfaces that differ
-    in their load there is missing. All steps, ``surfaces``, show whether x and y differ.
+    in their load there is missing, as is 0 where a surface is not known. All steps, ``surfaces``, show whether x and y
+    differ.
     """
     try:
         patch = Patch.of(study, surfaces)
@@ -300,8 +301,9 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
         loads = states["mean_pressure"] * states["Sq"]
         spread = loads.max("seed") - loads.min("seed") <= ONE_LOAD * abs(loads).max("seed")
         have_one = spread.transpose(*leaks.dims[:-2]).values.ravel() | (states_of == 0.0).all(axis=(1, 2))
+        every = states.sizes["seed"] == surfaces.sizes["seed"]
         values = [
-            median(patch, some, isotropic=alike, draws=draws) if one_load else math.nan
+            median(patch, some, isotropic=alike, draws=draws) if one_load and (every or some.any()) else math.nan
             for some, one_load in zip(states_of, have_one, strict=True)
         ]
         median_leaks = leaks.isel(axis=0, drop=True).copy()

@@ -24,7 +24,7 @@ from roughvol.errors import DatasetError
 from roughvol.observables.stiffness import stiffness_exponent, without_every_second
 from roughvol.observables.variables import STATES
 from roughvol.report.run_facts import closing
-from roughvol.report.states import P, Row, States, every_step
+from roughvol.report.states import P, Row, States, every_step, of_all
 from roughvol.store.variants import parts_of
 from roughvol.study import Level, Quantity, parse
 
@@ -241,7 +241,7 @@ class Compared:
             row: dict[str, Any] = {"state": state.label, "run": name, "surfaces": state.surfaces}
             row |= {"reached": state.reached, "closed_before": state.closed}
             for column in self.states.columns:
-                values = data[column].values if column in data else np.array([np.nan])
+                values = of_all(data[column], state.surfaces) if column in data else np.array([np.nan])
                 over = average(column, values)
                 row[column] = over.value
                 if column.startswith("open_"):

@@ -15,6 +15,7 @@ from roughvol.analysis.average import IN_WORDS, average, is_flow
 from roughvol.analysis.seal import LEAKS
 from roughvol.analysis.tables import Table, number, spread
 from roughvol.observables.variables import columns
+from roughvol.typing import Array
 
 P = "mean_pressure"
 IN_PLACE: Mapping[str, Mapping[str, str]] = {
@@ -61,8 +62,10 @@ class States:
         """Return the states as text, with the convention over surfaces in front of the notes."""
         most = max((row.state.surfaces for row in self.rows), default=1)
         variables = [next(row.data[name] for row in self.rows if name in row.data) for name in self.columns]
-        cells = ([cell(row.data[name]) if name in row.data else "" for name in self.columns] for row in self.rows)
-        lines = [(*row.labels, *numbers) for row, numbers in zip(self.rows, cells, strict=True)]
+        lines = []
+        for row in self.rows:
+            held = (cell(row.data[name], row.state.surfaces) if name in row.data else "" for name in self.columns)
+            lines.append((*row.labels, *held))
         note = " ".join(filter(None, [self._convention(), *notes]))
         return Table(title, (*self.heads, *(head(variable, most) for variable in variables)), tuple(lines), note)
 
@@ -125,15 +128,21 @@ def head(variable: DataArray, surfaces: int = 1) -> str:
     return f"{median}{symbol}" if unit == "1" else f"{median}{symbol} [{unit}]"
 
 
-def cell(variable: DataArray) -> str:
+def of_all(variable: DataArray, surfaces: int) -> Array:
+    """Return the numbers of all surfaces, missing for those that are not at a state."""
+    values = np.atleast_1d(variable.values).astype(float)
+    return np.pad(values, (0, surfaces - values.size), constant_values=np.nan)
+
+
+def cell(variable: DataArray, surfaces: int) -> str:
     """Return the number of one surface or of several as text; of an open way, how many surfaces have one."""
-    name, values = str(variable.name), np.atleast_1d(variable.values)
+    name, values = str(variable.name), of_all(variable, surfaces)
     found = average(name, np.where(np.abs(values) < ROUNDING, 0.0, values) if name in STARRED else values)
     if found.count == 0:
         return ""
     if name.startswith("open_"):
         open_ = int(np.nansum(values))
         return ("open" if open_ else "closed") if len(values) == 1 else f"{open_} of {found.count}"
-    if is_flow(name) and found.count > 1:
+    if is_flow(name) and found.count > 1 and np.isfinite(found.value):
         return f"{number(found.value)} ({number(found.low)} to {number(found.high)})"
     return number(found.value)

@@ -5,6 +5,7 @@ The oracle is a few lines of numpy on study.nc.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,7 @@ from roughvol.report.figures import content, ways
 from roughvol.report.figures.families import Family
 from roughvol.store import dataset
 from roughvol.study import Level, loads, parse
-from tests.kit import refused, said
+from tests.kit import LEAKING, answered, ran, refused, said
 
 SEAL = """
 name: seal
@@ -216,6 +217,28 @@ def test_a_flow_has_a_median_and_another_number_a_mean() -> None:
     assert is_flow("gas_transmissivity")
     assert is_flow("gas_transmissivity_y")
     assert not is_flow("critical_gap")
+
+
+@pytest.mark.parametrize(("known", "value"), [([0.0, 0.0], 0.0), ([0.0], math.nan), ([0.0, 4.0], 2.0)])
+def test_a_median_of_0_is_missing_where_an_unknown_leak_decides(known: list[float], value: float) -> None:
+    found = average("leak_rate", [*known, math.nan])
+    assert_allclose((found.value, found.count, found.surfaces), (value, len(known), len(known) + 1))
+
+
+def test_a_surface_that_closed_does_not_close_those_that_are_not_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = LEAKING.replace("seeds: 1", "seeds: [1, 2], sides: mirrored").replace("Sq: 1 um", "Sq: 0.5 um")
+    text = text.replace("{pressure: 0.5 MPa}", "{contact_area: 0.4}").replace("steps: 8", "steps: 5")
+    ran("seal", f"{text}seal: {{length: 12 mm, width: 1 mm}}\n")
+    ds = roughvol.open("seal").isel(D=0, m=0, step=-1)
+    assert (ds.leak_rate.sel(axis="x").values > 0.0).tolist() == [False, True]
+    beyond = f"pressure={1.1 * float(ds.nominal_pressure.max())} MPa"
+    _, row, *_ = said("show", "seal", "--at", beyond).splitlines()
+    assert row.split()[2:] == ["0", "of", "2", "(1", "closed", "before)", "0", "of", "1", "–", "–"]
+    rows = answered("compare", "seal", "seal", "--at", beyond)["rows"]
+    assert [(row["closed_before"], row["leak_rate_x"]) for row in rows] == [(1, None), (1, None)]
 
 
 def test_averages_of_a_dataset_are_those_of_its_variables() -> None:

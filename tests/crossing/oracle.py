@@ -274,9 +274,10 @@ def is_flow(name: str) -> bool:
 
 
 def mean(name: str, values: Iterable[float]) -> tuple[float, float, float, int]:
-    """Return the number of several surfaces, its 16-84 % range, and the surfaces with a value."""
-    known = np.array([value for value in values if math.isfinite(value)])
-    if not known.size:
+    """Return the number of several surfaces, its 16-84 % range, and the surfaces with a value; 0 if it is not known."""
+    every = np.array(list(values))
+    known = every[np.isfinite(every)]
+    if not known.size or (is_flow(name) and np.median(known) == 0.0 < np.median(np.nan_to_num(every, nan=np.inf))):
         return math.nan, math.nan, math.nan, 0
     low, high = np.quantile(known, [0.16, 0.84])
     return float(np.median(known) if is_flow(name) else known.mean()), float(low), float(high), known.size
