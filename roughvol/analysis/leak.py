@@ -23,7 +23,7 @@ DRY = tuple(name.removesuffix("_dry") for name in QUANTITIES if name.endswith("_
 """Numbers along the steps that are those of the dry gap."""
 FLOWS = tuple(name for name, row in QUANTITIES.items() if row.averaged == "median")
 """Flows, lifted and dry: 0 where a way is closed."""
-EVIDENCE = ("percolates", "critical_gap", "transmissivity", "diffusivity")
+EVIDENCE = ("percolates", "critical_gap", "transmissivity", "diffusivity", "gas_transmissivity")
 """Numbers of the dry gap that are 0 where a way is closed, and only there."""
 WITHOUT = ", without fluid pressure"
 NEAR = 1e-6  # relative: a step at the load of a recorded state is this state

@@ -146,12 +146,15 @@ def test_a_closed_joint_without_units_is_asked_for_by_p_star(tmp_path: Path, mon
         assert "either --leak-rate VALUE or --closed" in refused("ask", "plain", *both)
 
 
-@pytest.mark.parametrize("elsewhere", ["transmissivity: every-step", "diffusivity: every-step", ""])
+@pytest.mark.parametrize(
+    "elsewhere", ["transmissivity: every-step", "diffusivity: every-step", "gas_flow: every-step", ""]
+)
 def test_ways_are_open_where_any_record_has_them_open(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, elsewhere: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    text = "surface: {D: 2.3, m: 4, seeds: 1}\nsweep: {steps: 5, to: percolation}\n"
+    text = "surface: {D: 2.3, m: 4, seeds: 1, L: 100 um}\nsweep: {steps: 5, to: percolation}\n"
+    text += "fluid: {gas: helium, inlet: 2 bar, outlet: 1 bar}\n" * elsewhere.startswith("gas")
     ran("last", f"{text}record: {{transport: {{percolation: last, {elsewhere}}}}}\n")
     p = roughvol.open("last").mean_pressure.values.ravel()
     closes = (
