@@ -78,13 +78,13 @@ Draws = dict[str, "Callable[[], Drawing]"]
 def drawings(runs: Sequence[Named], wanted: Sequence[str], *, alone: bool) -> tuple[Draws, list[str]]:
     """Return functions that draw the figures of runs by path, and why some of the figures wanted cannot be drawn.
 
-    Without a figure wanted, all figures that the runs have are drawn. ``alone`` marks the combinations of one study.
+    Without a figure wanted, those of `content.DRAWN` that the runs have are drawn, and of one study all others too.
+    ``alone`` marks the combinations of one study.
     """
     from roughvol.report.figures import content
 
     table, found, refused = figures(), Draws(), list[str]()
-    every = content.DRAWN if len(runs) > 1 else ()
-    for name in wanted or [name for name in every if content.missing(name, runs) is None]:
+    for name in wanted or [name for name in content.DRAWN if content.missing(name, runs) is None]:
         if name in content.NAMES or name not in table:
             reason = content.missing(name, runs)
             if reason is None:
@@ -97,7 +97,7 @@ def drawings(runs: Sequence[Named], wanted: Sequence[str], *, alone: bool) -> tu
         refused += [reason] if reason else []
     for run in runs if alone and not wanted else ():
         reasons = [_add(found, figure, name, run, runs) for name, figure in table.items()]
-        if all(reasons):
+        if all(reasons) and not found:
             raise DatasetError("\n".join(filter(None, reasons)))
     return found, refused
 

@@ -40,6 +40,11 @@ def test_figures_have_every_format_size_and_scale(tmp_path: Path, suffix: str) -
     assert (tmp_path / f"v_of_p.{suffix}").stat().st_size > 200
 
 
+def test_all_figures_of_one_run_are_drawn_without_a_name(tmp_path: Path) -> None:
+    drawn = {Path(line).stem for line in said("plot", "leaking", "--out", tmp_path).splitlines()}
+    assert {"v_of_p", "leak_of_p", "fig05", "seal_leak_rate"} <= drawn == {path.stem for path in tmp_path.iterdir()}
+
+
 def test_a_curve_on_a_logarithmic_axis_ends_at_its_last_positive_number() -> None:
     fig = Figure()
     (line,) = fig.subplots().plot([2.0, 1.0, -1.0], [0.1, 0.2, 0.3])

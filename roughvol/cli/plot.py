@@ -53,8 +53,8 @@ def plot(
     leak, flow.
 
     Several runs are overlaid in figures named by content, into runs/compared, and so are the combinations of a study
-    with lists, into its own figures. Without FIGURE, all figures of the run are drawn, or v_of_p, a_of_p, v_of_a,
-    v_of_d, gap_of_p, leak_of_p of several runs. A FIGURE that does not apply is named, and the others are drawn.
+    with lists, into its own figures. Without FIGURE, v_of_p, a_of_p, v_of_a, v_of_d, gap_of_p and leak_of_p are drawn,
+    and all other figures of one run. A FIGURE that does not apply is named, and the others are drawn.
     """
     from roughvol import plotting
     from roughvol.report.figures import content
