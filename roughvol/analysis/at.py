@@ -9,8 +9,8 @@ step it has the numbers recorded for it alone.
 
 A step that misses a level by less than `level.REACHED` is the level. A sweep that ended at a target has reached this
 target, and a listed load is the step solved for it. A surface whose sweep ended before a higher load is closed there if
-its last state is closed, or if the load is at least its solved closing load: its flow is 0, and its other numbers are
-missing. A level that no surface reaches is an error.
+its last state is closed. So is a surface without a step at or around a load that is at least its solved closing load.
+Its flow is then 0, and its other numbers are missing. A level that no surface reaches is an error.
 """
 
 from __future__ import annotations
@@ -225,8 +225,8 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
             places.append(place + offset)
         elif _is_stored(level):
             farther = value < values[solved].min() if STATE_KINDS[level.kind].falls else value > values[solved].max()
-            shut[k] |= ends[k] <= value * (1.0 + REACHED)
-            beyond += [k] if farther and shut[k].any() else []
+            shut[k] = (shut[k] & farther) | (ends[k] <= value * (1.0 + REACHED))
+            beyond += [k] if shut[k].any() else []
     if not reached and not beyond:
         return None
     data = between(group, reached + beyond, [*places, *[float(offset)] * len(beyond)])

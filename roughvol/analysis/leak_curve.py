@@ -238,7 +238,7 @@ def _of_surfaces(run: Dataset, axis: str) -> list[Curve]:
     for name, surface in surfaces(run):
         pressure, starred = (surface[key].values for key in ("nominal_pressure", "mean_pressure"))
         leak = surface["leak_rate"].sel(axis=axis).values
-        if SOLVED in surface and (leak > 0.0).any():
+        if SOLVED in surface and np.isfinite(leak).any():
             end = float(surface[SOLVED].sel(axis=axis))
             per_starred = np.nanmax(pressure) / np.nanmax(starred)
             pressure, starred, leak = (

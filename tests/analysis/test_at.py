@@ -328,8 +328,9 @@ def test_a_way_is_closed_from_its_solved_closing_load_on(tmp_path: Path) -> None
     assert bool((recorded.leak_rate.where(shut, 0.0) == 0.0).all())
 
 
-def test_a_way_is_closed_beyond_the_sweep_from_its_solved_closing_load_on(tmp_path: Path) -> None:
-    text = SEAL.replace("{steps: 10, to: percolation}", "{pressures: [0.02 MPa]}")
+@pytest.mark.parametrize("step", ["0.02", "2"])
+def test_a_way_is_closed_beside_the_sweep_from_its_solved_closing_load_on(step: str, tmp_path: Path) -> None:
+    text = SEAL.replace("{steps: 10, to: percolation}", f"{{pressures: [{step} MPa]}}")
     text = text.replace("every-step, trans", "every-step, closing: true, trans")
     ds = roughvol.run(loads(text), out=tmp_path, jobs=1)
     closes = ds.closing_pressure * (ds.nominal_pressure / ds.mean_pressure).isel(step=-1)

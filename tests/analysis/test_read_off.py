@@ -397,6 +397,10 @@ def test_a_solved_closing_load_ends_the_reading(tmp_path: Path, monkeypatch: pyt
             assert answer.low == pytest.approx(0.02)
             assert answer.nominal.closing
         assert "sweep=" in read_off.narrower(ds, answers, closed=False)[1]
+    study = loads(text.replace("steps: 20, to: {pressure: 1.2}", "pressures: [9 MPa]"))
+    ds = roughvol.run(study, jobs=1, out=tmp_path / "closed")
+    before = [answer.high for answer in roughvol.ask(ds, leak_rate="1e-30 mm^3/s").answers]
+    assert before == pytest.approx([answer.value for answer in roughvol.ask(ds).answers])
     folder = tmp_path / listed  # the closing load lies beyond its last step
     printed = said("ask", folder, "--leak-rate", "1e-30 mm^3/s")
     end = answers[1].between[1]
