@@ -6,7 +6,7 @@ import click
 
 import roughvol
 from roughvol.cli.options import CSV, JSON, SET, at, command, completed_runs
-from roughvol.cli.output import say_numbers, say_table
+from roughvol.cli.output import say_numbers, say_table, warn
 from roughvol.cli.show import check_one_form
 
 
@@ -31,6 +31,7 @@ def compare(
     check_one_form(as_csv=as_csv, as_json=as_json)
     found = roughvol.compare(run, states, changes=changes)
     if as_csv or as_json:
+        warn(found.left_out)
         say_numbers("compare", *found.records(), as_csv=as_csv)
     else:
         say_table(found.table())

@@ -15,6 +15,7 @@ from roughvol.campaign import execution, validity
 from roughvol.errors import DatasetError
 from roughvol.study import loads
 from roughvol.surfaces import random_midpoint_displacement
+from tests.kit import call
 
 SURFACE = "surface: {D: 2.3, m: 4, L: 100 um, Sq: 0.7 um, seeds: [3], sides: mirrored}\n"
 RUBBER = "material: {E: 10 MPa, nu: 0.4}\n"
@@ -153,4 +154,8 @@ def test_a_number_without_a_common_unit_is_left_out_of_a_comparison(tmp_path: Pa
     assert "mean_gap" not in units
     volume = names.index("free_volume")
     assert one[volume] == pytest.approx(other[volume], rel=1e-6)
-    assert "mean_gap is left out: its units are length and um." in found.table().note
+    words = "mean_gap is left out: its units are length and um."
+    assert words in found.table().note
+    for form in ("--csv", "--json"):
+        stored = (tmp_path / name / "out" for name in ("plain", "units"))
+        assert call("compare", *stored, "--at", "p=1", form).stderr == f"warning: {words}\n"
