@@ -106,6 +106,17 @@ def test_show_names_the_combinations_that_do_not_reach_a_load() -> None:
     assert "moduli, E_star = 1 MPa has no state at pressure=0.02 MPa" in done.stderr
 
 
+def test_show_and_compare_name_the_surfaces_that_do_not_reach_a_load() -> None:
+    wet = dataset.read(Path("runs/wet/study.nc"))
+    begins = wet["mean_pressure"].isel(step=0, m=0).min("seed").to_series().sort_values()
+    reaches, later = (f"D = {D:g}, m = 4" for D in begins.index)
+    at = f"--at=p={begins.mean():.4g}"
+    shown, compared = said("show", "wet", at), said("compare", "wet", "wet", at)
+    assert shown.splitlines()[1].startswith(reaches)
+    for text in (shown, compared):
+        assert f"wet, {later} has no state at pressure={begins.mean():.4g}: its steps have" in text
+
+
 def test_compare_puts_runs_side_by_side_at_equal_loads() -> None:
     rows = list(csv.DictReader(io.StringIO(said("compare", "wet", "dry", "--csv"))))
     states = list(dict.fromkeys(row["state"] for row in rows))

@@ -77,9 +77,8 @@ def _at_levels(table: str, heads: Sequence[str], rows: Sequence[Row]) -> States:
     return States.of(table, heads, rows)
 
 
-def _of_groups(table: str, found: Sequence[tuple[str, State]]) -> States:
+def _of_groups(table: str, found: Sequence[tuple[str, State]], *, grouped: bool) -> States:
     """Return states of the groups of a run, which are named where they are several."""
-    grouped = len({name for name, _ in found}) > 1
     rows = [
         Row((name, state.label) if grouped else (state.label,), state, spread(state.data), name)
         for name, state in found
@@ -90,7 +89,8 @@ def _of_groups(table: str, found: Sequence[tuple[str, State]]) -> States:
 def summary(run: Run) -> list[Table]:
     """Return the table after a run: ends of legs and recorded levels, and where the ways through the gap close."""
     named = _named(run)
-    found = _of_groups("short", [(name, state) for name, group in named for state in _chief(run, group)])
+    states = [(name, state) for name, group in named for state in _chief(run, group)]
+    found = _of_groups("short", states, grouped=len(named) > 1)
     notes = list(found.notes())
     if any("=" in row.state.label for row in found.rows):  # else flows are those of the steps
         notes.append(RULE)
@@ -120,8 +120,10 @@ def shown(run: Run, levels: Sequence[Level] = ()) -> list[Table]:
     """Return the tables of ``roughvol show``: all steps of each group of surfaces, or the states asked for."""
     named = _named(run, steps=not levels, recorded=bool(levels))
     if levels:
-        found = _of_groups("steps", [row for level in levels for row in _reaching(run, named, level)])
-        return [found.table("", *found.notes(), RULE, *[BETWEEN_STEPS] * (STIFFNESS in found.columns))]
+        absent = list[str]()
+        states = [row for level in levels for row in _reaching(run, named, level, absent)]
+        found = _of_groups("steps", states, grouped=len(named) > 1)
+        return [found.table("", *absent, *found.notes(), RULE, *[BETWEEN_STEPS] * (STIFFNESS in found.columns))]
     tables = []
     for name, group in named:
         several, legs = group.sizes["seed"] > 1, "leg" in group
@@ -156,9 +158,20 @@ def _exponent(group: Dataset) -> list[str]:
     ]
 
 
-def _reaching(run: Run, named: Sequence[tuple[str, Dataset]], level: Level) -> list[tuple[str, State]]:
-    """Return a state of every group with a surface that reaches it; raise `DatasetError` if there is none."""
-    found, _ = answers(named, lambda part: at(run, part[1], level))
+def _reaching(
+    run: Run, named: Sequence[tuple[str, Dataset]], level: Level, absent: list[str]
+) -> list[tuple[str, State]]:
+    """Return a state of every group with a surface that reaches it; raise `DatasetError` if there is none.
+
+    Sentences on the other groups are added to ``absent``.
+    """
+
+    def state_of(part: tuple[str, Dataset]) -> State:
+        name, group = part
+        return at(replace(run, name=f"{run.name}, {name}") if len(named) > 1 else run, group, level)
+
+    found, errors = answers(named, state_of)
+    absent += [f"{error}." for error in errors]
     return [(name, state) for (name, _), state in found]
 
 
@@ -179,7 +192,7 @@ def _records(run: Run, levels: Sequence[Level], common: dict[str, str]) -> tuple
     """Return the numbers of every surface of one combination in common units, and these units."""
     named = _named(run, common, steps=True, recorded=bool(levels))
     if levels:
-        every = [[(state, spread(state.data))] for level in levels for _, state in _reaching(run, named, level)]
+        every = [[(state, spread(state.data))] for level in levels for _, state in _reaching(run, named, level, [])]
     else:
         every = [list(every_step(group)) for _, group in named]
     ds = spread(named[0][1])
@@ -224,7 +237,7 @@ class Compared:
     """Numbers of several runs at equal loads, run by run and state by state."""
 
     states: States
-    left_out: tuple[str, ...] = ()  # why numbers are not compared
+    left_out: tuple[str, ...] = ()  # why numbers and surfaces are not compared
 
     def table(self) -> Table:
         """Return the rows as text."""
@@ -258,10 +271,10 @@ def compared(runs: Sequence[Run], levels: Sequence[Level] = ()) -> Compared:
     """Return numbers of several runs side by side at equal loads."""
     common: dict[str, str] = {}
     named = [(run, _named(run, common)) for run in runs]
-    rows = []
+    rows, absent = [], list[str]()
     for level in levels or _equal_loads([group for _, some in named for _, group in some]):
         for run, some in named:
-            for group, state in _reaching(run, some, level):
+            for group, state in _reaching(run, some, level, absent):
                 name = f"{run.name}, {group}" if len(some) > 1 else run.name
                 rows.append(Row((state.label, name), state, spread(state.data), name))
     found = _at_levels("short", ("state", "run"), rows)
@@ -270,7 +283,9 @@ def compared(runs: Sequence[Run], levels: Sequence[Level] = ()) -> Compared:
         units = {str(row.data[name].attrs.get("units", "1")) for row in rows if name in row.data}
         if len(units) > 1:
             notes[name] = f"{name} is left out: its units are {' and '.join(sorted(units))}."
-    return Compared(replace(found, columns=tuple(n for n in found.columns if n not in notes)), tuple(notes.values()))
+    return Compared(
+        replace(found, columns=tuple(n for n in found.columns if n not in notes)), (*absent, *notes.values())
+    )
 
 
 def _equal_loads(every: Sequence[Dataset]) -> list[Level]:
