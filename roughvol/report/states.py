@@ -26,6 +26,9 @@ IN_PLACE: Mapping[str, Mapping[str, str]] = {
 STARRED = ("separation", "mean_plane_separation", "indentation", P)
 ROUGH = 1.1  # factor between the flows of two steps, from which on a reading between them is noted
 ROUNDING = 1e-12  # a starred number below is 0 to rounding: the mean plane, an unloaded surface
+NO_FLOW = (
+    "A flow is missing where a step around a state has none: roughvol show without --at lists the steps with flows."
+)
 NOT_REACHED = "Not all surfaces reach each state: the column 'surfaces' counts those that do."
 SHEETS = "sheets drawn from the surfaces of a row, which have one load there. roughvol card has its interval."
 CLOSED_BEFORE = "A surface that closed before a state has flows of 0 there, and no other number."
@@ -101,6 +104,8 @@ class States:
         apart = max((row.state.apart for row in self.rows), default=1.0)
         if apart > ROUGH and any(map(is_flow, self.columns)):
             yield f"Flows of the steps around a state differ by a factor of up to {apart:.2g}: more steps narrow it."
+        if any(map(_lacks_flow, self.rows)):
+            yield NO_FLOW
         if any(row.state.reached < row.state.surfaces for row in self.rows):
             yield NOT_REACHED
         if any(row.state.closed for row in self.rows):
@@ -113,6 +118,13 @@ def every_step(group: Dataset) -> Iterator[tuple[State, Dataset]]:
     along = along[[name for name in along.data_vars if "step" in along[name].dims]]
     for k in np.flatnonzero(group[P].notnull().any("seed").values).tolist():
         yield State(str(int(group["step"].values[k])), group.isel(step=k), group.sizes["seed"]), along.isel(step=k)
+
+
+def _lacks_flow(row: Row) -> bool:
+    """Return whether a flow is not known at a state at a level; `leak.DRY_NOTE` says it under fluid pressure."""
+    flows = [variable for name, variable in row.data.data_vars.items() if is_flow(str(name))]
+    at_level = "=" in row.state.label and bool(row.state.reached) and not leak.is_lifted(row.state.data)
+    return at_level and any(bool(flow.isnull().all()) for flow in flows)
 
 
 def sentences(said: Mapping[str, bool]) -> str:

@@ -159,6 +159,15 @@ def test_a_state_says_how_far_apart_the_flows_of_the_steps_around_it_are() -> No
     assert ["steps around" in text for text in notes] == [True, False]
 
 
+def test_a_state_says_that_the_steps_around_it_have_no_flow(tmp_path: Path) -> None:
+    text = SEAL.replace("transmissivity: every-step", "transmissivity: {pressure: [0.05 MPa]}").replace(
+        "seeds: 5", "seeds: 1"
+    )
+    roughvol.run(loads(text), out=tmp_path / "run", jobs=1)
+    notes = [said("show", tmp_path / "run", *at) for at in (["--at", "pressure=0.05 MPa"], ["--at", "last"], [])]
+    assert ["A flow is missing where a step around" in text for text in notes] == [True, False, False]
+
+
 @pytest.mark.parametrize(("text", "kind"), [("p=0.3", "pressure"), ("A=0.1", "contact_area"), ("d=0", "separation")])
 def test_symbols_name_their_quantities(text: str, kind: str) -> None:
     assert parse(text) == parse(f"{kind}={text.partition('=')[2]}")
