@@ -45,6 +45,17 @@ def test_all_figures_of_one_run_are_drawn_without_a_name(tmp_path: Path) -> None
     assert {"v_of_p", "leak_of_p", "fig05", "seal_leak_rate"} <= drawn == {path.stem for path in tmp_path.iterdir()}
 
 
+def test_the_leak_of_a_gas_is_drawn_where_no_leak_of_a_liquid_is_stored() -> None:
+    text, _, _ = LEAKING.partition("record:")
+    record = "record: {transport: {gas_flow: every-step}, dimensional: {pressure: MPa, gas_leak_rate: mbar*l/s}}\n"
+    ran("helium", f"{text}fluid: {{gas: helium, inlet: 2 bar, outlet: 1 bar}}\n{record}")
+    figure = roughvol.plot("helium", "leak_of_p")
+    along_x, *_ = (line for line in figure.axes[0].get_lines() if figure.sources.get(line, {}).get("axis") == "x")
+    stored = roughvol.open("helium").gas_leak_rate.sel(axis="x").values.ravel()
+    assert along_x.get_ydata().tolist() == stored[stored > 0.0].tolist()
+    assert "leak_rate or gas_leak_rate in different units" in refused("plot", "helium", "leaking", "leak_of_p")
+
+
 def test_a_curve_on_a_logarithmic_axis_ends_at_its_last_positive_number() -> None:
     fig = Figure()
     (line,) = fig.subplots().plot([2.0, 1.0, -1.0], [0.1, 0.2, 0.3])

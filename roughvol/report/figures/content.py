@@ -1,9 +1,9 @@
 """Figures named by their content, ``v_of_p`` for V* over p*, of one run or of several runs overlaid.
 
 The name is that of the quantity drawn, then that of the quantity below it: p, a, v and d are p*, A*, V* and d/σ; gap,
-leak and flow are the mean gap, the leak rate and the transmissivity. Pressures have the unit of the runs, if all have
-one. A curve shows the surfaces of one D and m, or one file. A leak and a flow are drawn along x (solid) and y (dashed),
-with a mark where the way closes.
+leak and flow are the mean gap, the leak rate and the transmissivity. The leak is that of a gas where none of a liquid
+is stored. Pressures have the unit of the runs, if all have one. A curve shows the surfaces of one D and m, or one file.
+A leak and a flow are drawn along x (solid) and y (dashed), with a mark where the way closes.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def missing(name: str, runs: Sequence[Named]) -> str | None:
             known = [_stored(run.ready, variable) for variable in VARIABLES_OF.get(key, [key])]
             reasons = [lacking(name, run.ready, (variable,)) for variable in known]
             if all(reasons):
-                return f"{run.name}: {reasons[-1]}"
+                return f"{run.name}: {'; '.join(map(str, reasons))}"
     return None
 
 
@@ -127,6 +127,9 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
             ax.set(xlabel=_label(x, ready), ylabel=_label(y, ready))
             _flow(ax, some, x, y, title)
             notes = _fluids(ready) if y == "leak_rate" else []
+            notes += dict.fromkeys(
+                f"Gas: {run.dataset[y].attrs['gas']}." for run in ready if "gas" in run.dataset[y].attrs
+            )
         else:
             log = y_key in LOGARITHMIC
             members = [[_positive(curve) if log else curve for curve in curves(f, x, y)] for f in some]
@@ -232,7 +235,7 @@ def _variable(key: str, runs: Sequence[Named]) -> str:
         if all(name in run.dataset for run in runs) and len(found) == 1:
             return name
     differing = ", ".join(sorted(set().union(*units.values())))
-    raise DatasetError(f"the runs have {known[-1]} in different units: {differing}")
+    raise DatasetError(f"the runs have {' or '.join(known)} in different units: {differing}")
 
 
 def _unit(name: str, ds: Dataset) -> str:
