@@ -160,7 +160,9 @@ def put(data: Any, path: KeyPath, value: Any) -> None:
         if place == len(path) - 1:
             data[key] = value
         else:
-            data = data.setdefault(key, {}) if isinstance(data, dict) else data[key]
+            if isinstance(data, dict) and data.get(key) is None:  # the study of a run names sections without keys
+                data[key] = {}
+            data = data[key]
 
 
 _SCALARS = (
