@@ -95,6 +95,16 @@ def _ends(to: Any) -> Any:
     return to
 
 
+def without_none(data: Any) -> Any:
+    """Return plain data without lists, with no value in place of the word 'none' in each key that takes it."""
+    for name in LABELS_OF_NONE:
+        section, key = AXES[name]
+        here = data.get(section) if isinstance(data, dict) else None
+        if isinstance(here, dict) and here.get(key) == NONE:
+            data = _with(data, AXES[name], None)
+    return data
+
+
 def _with(data: dict[str, Any], path: tuple[str, ...], value: Any) -> dict[str, Any]:
     """Return plain data with another value at a path."""
     first, *rest = path
@@ -142,7 +152,7 @@ def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> tuple[tuple[Axis
         combination = data
         for (name, values), place in zip(items.items(), places, strict=True):
             item = values[place]
-            combination = _with(combination, AXES[name], None if item == NONE and name in LABELS_OF_NONE else item)
+            combination = _with(combination, AXES[name], item)
         try:
             made.append(read_one(combination))
         except ValidationError as error:
@@ -224,8 +234,9 @@ def _or_list(schema: dict[str, Any], *, optional: bool) -> dict[str, Any]:
     """Return the schema of a value or a list of values."""
     kept: dict[str, Any] = {key: schema[key] for key in ("description", "default", "title") if key in schema}
     single = {key: value for key, value in schema.items() if key not in kept}
-    items = {"anyOf": [single, {"const": NONE}]} if optional else single
-    return {**kept, "anyOf": [single, {"type": "array", "items": items, "minItems": 1}]}
+    forms = [single, {"const": NONE}] if optional else [single]
+    items = {"anyOf": forms} if optional else single
+    return {**kept, "anyOf": [*forms, {"type": "array", "items": items, "minItems": 1}]}
 
 
 def write_lists(data: dict[str, Any], of: Sequence[Axis], sections: Sequence[Mapping[str, Any]], context: Any) -> None:

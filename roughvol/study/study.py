@@ -44,9 +44,13 @@ class Study(StudyFile):
     @classmethod
     def _of_lists(cls, data: Any, handler: Any, info: ValidationInfo) -> Any:
         """Check the rules across sections; take lists as axes. The study is that of their first items."""
+
+        def read_one(one: Any) -> Any:
+            return validated(axes.without_none(one), handler, RULES, info.context)
+
         if not isinstance(data, dict) or not axes.lists(data):
-            return validated(data, handler, RULES, info.context)
-        found, made = axes.read(data, lambda one: validated(one, handler, RULES, info.context))
+            return read_one(data)
+        found, made = axes.read(data, read_one)
         first: Study = made[0]
         if first.ensemble is not None:
             for name, items in axes.lists(data).items():
