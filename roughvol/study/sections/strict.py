@@ -38,10 +38,10 @@ def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def nearest(word: str, known: list[str]) -> str | None:
-    """Return the known word most similar to ``word``, ignoring case; None without one."""
+    """Return the known word most similar to ``word``, ignoring case, at best one of its letters; None without one."""
     lower = {name.lower(): name for name in known}
-    close = difflib.get_close_matches(word.lower(), lower, n=1, cutoff=0.65)
-    return lower[close[0]] if close else None
+    close = difflib.get_close_matches(word.lower(), lower, cutoff=0.65)
+    return lower[min(close, key=lambda name: sorted(name) != sorted(word.lower()))] if close else None
 
 
 def default(value: T, description: str) -> T:
