@@ -116,7 +116,7 @@ def run(
     texts = changes_of(changes)
     if not isinstance(study, Mapping):
         with _named({}):
-            whole = changed(study, texts) if isinstance(study, Study) else load(study, texts)
+            whole = load(study, texts) if isinstance(study, str | os.PathLike) else changed(study, texts)
             return _warned(execution.run(whole, **options))
     with _written(study, Arguments("run", {"": "study"})) as (data, names, files):
         if files and scheduler is not None:

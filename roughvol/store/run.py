@@ -115,6 +115,8 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
     """Return the file of the results of a run, the results, and the study that the run was opened by."""
     from roughvol.store import dataset  # xarray: a second
 
+    if not isinstance(run, str | Path | None):
+        raise DatasetError(f"a run is a name or a path, given an object of the type {type(run).__name__}")
     given = load(run, changes) if run is not None and is_study_file(run) else None
     files = [_latest()] if run is None else _files(run, given)
     if run is not None and changes and given is None and is_run(run):

@@ -20,7 +20,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from roughvol.errors import DatasetError
+from roughvol.errors import DatasetError, FolderError
 from roughvol.store import stamped_file
 from roughvol.study import Case, Study
 
@@ -43,6 +43,8 @@ def folder_of(study: Study, out: str | Path | None = None) -> Path:
     Path
         The folder, which may not exist yet.
     """
+    if not isinstance(out, str | os.PathLike | None):
+        raise FolderError(f"the folder of the results is a path, given a value of the type {type(out).__name__}")
     return Path("runs") / study.name if out is None else Path(out)
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import numbers
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from roughvol.errors import Problem, StudyError
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 ALLOWED = "text, a number, a path, a list or a mapping"
 LONGEST = 1024  # bits of a whole number; floats end there
 NO_UNIT = ("", "1", "length")  # attributes `units` of numbers without a unit
+TIMES = ("m", "M")  # kinds of the types of numpy: differences of times, and times
 PERCENT = "%"  # a share of a mean in an ensemble, and no number
 DIFFERENCE = "Δ"  # of temperatures
 GIVES_UNIT = "surface.L"
@@ -37,6 +38,9 @@ def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
         return str(value)
     if isinstance(value, Mapping) and not hasattr(value, "coords"):
         return _plain_mapping(value, problems, path)
+    if getattr(getattr(value, "dtype", None), "kind", "") in TIMES:
+        problems[path] = f"must be {ALLOWED}, given times of numpy; a time has its unit, as 10 s"
+        return None
     number, unit = measured(value, convert=key_text(path) != GIVES_UNIT)
     if unit:
         return _with_unit(plain(number, problems, path), unit)
@@ -112,7 +116,11 @@ def changes_of(changes: Changes) -> tuple[str, ...]:
     if isinstance(changes, str):
         return (changes,)
     if not isinstance(changes, Mapping):
-        return tuple(changes)
+        texts = tuple(changes) if isinstance(changes, Iterable) else (changes,)
+        if all(isinstance(text, str) for text in texts):
+            return texts
+        message = 'changes are a mapping, as {"surface.m": 6}, or texts, as "surface.m=6"'
+        raise StudyError([Problem(f"{message}, given a value of the type {type(changes).__name__}")])
     return tuple(f"{key}={_text(value)}" for key, value in _plain_or_refused(changes).items())
 
 

@@ -147,6 +147,9 @@ def changed(study: Study, changes: Sequence[str]) -> Study:
     Study
         The changed study.
     """
+    if not isinstance(study, Study):
+        message = f"a study is a file, a mapping or a Study, given a value of the type {type(study).__name__}"
+        raise StudyError([Problem(message)])
     values = {key_text(keys): value for keys, value in map(_key_and_value, changes)}
     return study.changed(**values) if values else study
 
@@ -211,7 +214,8 @@ def _study(
         data = reading.read(text)
     except UnreadableError as error:
         if arguments is not None:
-            raise StudyError([Problem(str(error), argument=arguments.of(""))]) from error
+            message = (problems or {}).get((), str(error))  # the data are no mapping
+            raise StudyError([Problem(message, argument=arguments.of(""))]) from error
         raise StudyError([Problem(str(error), "", error.line, file)]) from error
     written = set(reading.marks)
     changed = [set_key(data, reading.marks, change) for change in changes]

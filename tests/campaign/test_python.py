@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import warnings
+from collections.abc import Callable
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -171,7 +172,9 @@ record:
         (1j, "complex"),
         ({1, 2}, "set"),
         (object(), "object"),
-        (np.datetime64("2026-01-01"), "date"),
+        (np.datetime64("2026-01-01"), "times of numpy"),
+        (np.timedelta64(3, "s"), "times of numpy"),
+        (np.array([3], "timedelta64[ns]"), "times of numpy"),
         (b"2.3", "bytes"),
         ([2.3, None], "given nothing"),
         (np.nan, "finite"),
@@ -182,6 +185,21 @@ record:
 def test_what_is_no_plain_data_is_refused_at_its_place(value: object, reason: str) -> None:
     with pytest.raises(StudyError, match=rf'^run: study\["surface"\]\["D"\](\[1\])?: .*{reason}'):
         roughvol.run({"surface": {"D": value, "m": 4}})
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda value: roughvol.run(value),
+        lambda value: roughvol.status(value),
+        lambda value: roughvol.run(DATA, out=value),
+        lambda value: roughvol.run(DATA, changes=value),
+        lambda value: roughvol.open(value),
+    ],
+)
+def test_an_argument_of_a_type_without_meaning_is_refused_by_its_type(call: Callable[[Any], object]) -> None:
+    with pytest.raises(roughvol.errors.RoughvolError, match=r"type int$"):
+        call(3)
 
 
 def test_problems_of_a_dict_name_keys_and_no_lines() -> None:
