@@ -27,6 +27,7 @@ from roughvol.typing import Shape, Sides
 
 # Bytes, from the growth of the largest resident set of `run_case` at m = 9 and 10 (D = 2.5; docs/how-to/cluster.md).
 PROCESS_BYTES = 2e8  # of a process after its imports
+COMPILED_BYTES = 1.4e8  # of a process, in addition: numba and its compiled loops, of flows and constrictions
 SURFACE_BYTES, NODE_BYTES = 50, 280  # per node: of a surface alone; of half space and solver
 SKEWED_BYTES = 25  # per node, in addition: while heights get their skewness
 CHANNEL_BYTES, FLOW_BYTES = 200, 260  # per node, in addition: of a search for the last channel; of a flow
@@ -89,7 +90,9 @@ def memory_of(case: Case, shape: Shape) -> float:
         if flow_elements(case, shape) > 0:
             per_node += FLOW_BYTES
             per_node += GAS_BYTES * (case.gas is not None)
-    return PROCESS_BYTES + nodes * (per_node + FIELD_BYTES * requests.fields_of(case.record))
+    compiled = case.record.transport is not None or flow_elements(case, shape) > 0
+    whole = PROCESS_BYTES + COMPILED_BYTES * compiled
+    return whole + nodes * (per_node + FIELD_BYTES * requests.fields_of(case.record))
 
 
 def flow_elements(case: Case, shape: Shape) -> int:
