@@ -98,6 +98,11 @@ def test_a_single_state_is_no_curve_and_no_error(name: str, ds: Dataset) -> None
     assert shown(FIGURES[name](ds.assign(transmissivity=ds.transmissivity.where(ds.step == 2)))) > 1
 
 
+def test_surfaces_without_a_common_state_have_a_figure_of_their_volume(ds: Dataset, tmp_path: Path) -> None:
+    single = ds.assign(connected_volume_fraction=ds.connected_volume_fraction.where(ds.step == 2))
+    FIGURES["seal_volume"](single).savefig(tmp_path / "drawn.png")
+
+
 @pytest.mark.parametrize("name", ["seal_percolation", "seal_transmissivity"])
 def test_a_surface_in_full_contact_at_every_state_is_drawn(name: str, tmp_path: Path) -> None:
     text = TEXT.replace("{steps: 8, to: percolation}", "{steps: 1}").replace("D: [2.2, 2.5], m: 4, seeds: 3", CLOSED)

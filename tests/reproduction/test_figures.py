@@ -224,6 +224,10 @@ def test_reliefs_show_every_node_on_one_vertical_scale(single: xr.Dataset) -> No
     np.testing.assert_allclose([low, high], [heights.min(), heights.max()], rtol=1e-12)
 
 
+def test_a_flat_surface_has_a_relief(single: xr.Dataset, tmp_path: Path) -> None:
+    FIGURES["fig02"](single.assign(heights=0.0 * single.heights)).savefig(tmp_path / "drawn.png")
+
+
 def test_fig02_takes_low_middle_and_high_D_with_their_slopes() -> None:
     ds = _made(D=[2.1, 2.2, 2.5, 2.8, 2.9], m=[3], seeds=1)
     titles = [axes.get_title() for axes in FIGURES["fig02"](ds).axes]

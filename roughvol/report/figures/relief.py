@@ -21,6 +21,7 @@ def reliefs(surfaces: Sequence[DataArray], titles: Sequence[str], height: str, c
     fig = canvas(width * columns, width * rows * (0.85 if columns > 2 else 0.68) + 0.2)
     fig.set_layout_engine("constrained", rect=(0.0, 0.0, 0.96, 1.0))  # it makes no room for labels of a vertical axis
     low, high = min(float(z.min()) for z in surfaces), max(float(z.max()) for z in surfaces)
+    high = high if high > low else low + 1.0  # flat
     shading: dict[str, Any] = {"blend_mode": "soft", "vmin": low, "vmax": high + 0.2 * (high - low)}
     for k, (heights, title) in enumerate(zip(surfaces, titles, strict=True)):
         x, y = heights["x"].values, heights["y"].values

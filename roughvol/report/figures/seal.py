@@ -81,13 +81,13 @@ def seal_volume(ds: Dataset) -> Drawing:
     """
     ds = ds.assign(connected=ds[V] * ds["connected_volume_fraction"], trapped=ds[V] * ds["trapped_volume_fraction"])
     fig, axes, some, title = _panels(ds, 2, P, "connected")
+    if bool((ds["connected"] > 0.0).any()):
+        axes[0, 0].set_yscale("log")  # before the curves: an axis without any has no range
     for row, name in zip(axes, ("connected", "trapped"), strict=True):
         row[0].set_ylabel(rf"{name} $V^{{\ast}}$")
         for ax, x in zip(row, (P, A, V), strict=True):
             for family in some:
                 ways.draw_states(ax, family, x, name)
-    if bool((ds["connected"] > 0.0).any()):
-        axes[0, 0].set_yscale("log")
     number = several(family.surfaces for family in some)
     words = [title, f"mean of {number} surfaces, band ± 1 std. dev." if number else ""]
     handles = axes[0, 0].get_legend_handles_labels()[0]
