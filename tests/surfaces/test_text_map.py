@@ -77,6 +77,7 @@ REFUSED: dict[str, tuple[Content, str]] = {
     "blocks.txt": (2 * (GWYDDION + TURNED), "line 10 is a header among the numbers: '# Channel: Topography'"),
     "short.txt": (TURNED[:-20], r"line 5 holds \d numbers, most lines 6"),
     "both.csv": (TURNED.replace(" ", ";").replace(".", ",", 3), "line 1 holds both commas and points"),
+    "commas.csv": (TURNED.replace(".", ",").replace(" ", ", "), "line 1 holds commas in its numbers and between them"),
     "letter.txt": (TURNED.replace("\n", " 1O\n", 1), "line 1"),
     "volts.txt": (GWYDDION.replace("nm", "V") + TURNED, r"line 4 \(# Value units: V\) has the unit 'V'"),
     "no width.txt": (GWYDDION.replace("3 µm", "0 µm") + TURNED, r"# Width: 0 µm.* makes sides of 0 by 2;"),
@@ -99,6 +100,11 @@ REFUSED: dict[str, tuple[Content, str]] = {
 def test_text_that_may_be_misread_is_refused_by_line(tmp_path: Path, name: str) -> None:
     content, pattern = REFUSED[name]
     refused(put(tmp_path / name, content), pattern)
+
+
+def test_decimal_commas_may_begin_late(tmp_path: Path) -> None:
+    late = np.vstack([np.zeros((60, 4)), np.full((3, 4), 0.5)])
+    same(put(tmp_path / "z.txt", 60 * "0 0 0 0\n" + 3 * "0,5 0,5 0,5 0,5\n"), late)
 
 
 @pytest.mark.parametrize(
