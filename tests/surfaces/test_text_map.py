@@ -78,6 +78,8 @@ REFUSED: dict[str, tuple[Content, str]] = {
     "short.txt": (TURNED[:-20], r"line 5 holds \d numbers, most lines 6"),
     "both.csv": (TURNED.replace(" ", ";").replace(".", ",", 3), "line 1 holds both commas and points"),
     "commas.csv": (TURNED.replace(".", ",").replace(" ", ", "), "line 1 holds commas in its numbers and between them"),
+    "inches.txt": ("# heights in inch\n" + TURNED, r"line 1 \(# heights in inch\) has the unit 'inch'; allowed: pm"),
+    "microinches.txt": ("# x step 5 microinch\n" + TURNED, UNKNOWN),
     "letter.txt": (TURNED.replace("\n", " 1O\n", 1), "line 1"),
     "volts.txt": (GWYDDION.replace("nm", "V") + TURNED, r"line 4 \(# Value units: V\) has the unit 'V'"),
     "no width.txt": (GWYDDION.replace("3 µm", "0 µm") + TURNED, r"# Width: 0 µm.* makes sides of 0 by 2;"),

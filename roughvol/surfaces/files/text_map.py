@@ -31,7 +31,8 @@ INSIST = "surface.columns: heights takes all numbers as heights"
 REMEDY = "; delete it, or pass over it with surface.header: ignore and give L and heights_unit"
 _FLOAT = r"([-+]?(?:\d+(?:[.,]\d*)?|\.\d+)(?:[eE][-+]?\d+)?)"
 _UNIT = (
-    r"(?:pm|nm|[uµμ]m|mm|cm|km|microns?|(?:pico|nano|micro|milli|centi)[- ]?met(?:er|re)s?|Å|\u212b|[Aa]ngstr[oö]ms?)"
+    r"(?:pm|nm|[uµμ]m|mm|cm|km|microns?|(?:pico|nano|micro|milli|centi)[- ]?met(?:er|re)s?|Å|\u212b|[Aa]ngstr[oö]ms?|"
+    r"(?:micro[- ]?|[uµμ])?inch(?:es)?)"
 )
 _HAS_UNIT = re.compile(rf"(?<![^\W\d_]){_UNIT}(?![^\W\d_])|{_FLOAT}\s*(?:m|met(?:er|re)s?)\b|[\[(]m[\])]")
 _NUMBER_WITH_UNIT = re.compile(rf"{_FLOAT}\s*(?:{_UNIT}|m|met(?:er|re)s?)(?![^\W\d_])")
