@@ -193,6 +193,8 @@ def test_L_agrees_with_the_coordinates() -> None:
         (_grid().assign_coords(x=("x", X**2, {"units": "um"})), r"not equidistant"),
         (_grid().assign_coords(x=("x", X, {"units": "mm"})), r"x is in mm, y in um"),
         (MAP * UNITS.megapascal, r"'MPa'"),
+        ([row * UNITS.nanometer for row in MAP], r"each row .* is a quantity; allowed: one quantity"),
+        ([[height * UNITS.nanometer for height in row] for row in MAP], r"each row .* is a quantity"),
         (pd.DataFrame(MAP, index=X), r"DataFrame .*to_numpy"),
     ],
 )

@@ -87,7 +87,11 @@ def _of_data_array(heights: Any) -> tuple[Array, Text, Coordinates]:
 def _numbers(heights: Any) -> tuple[Array, Text]:
     """Return heights as numbers, NaN where they are missing, and their unit if they are a quantity of pint."""
     unit = {}
-    if hasattr(heights, "magnitude") and hasattr(heights, "units"):
+    if isinstance(heights, list | tuple):
+        firsts = [row[0] if isinstance(row, list | tuple) and row else row for row in heights]
+        if any(map(_is_quantity, firsts)):
+            raise SurfaceError("each row of the heights is a quantity; allowed: one quantity, as numpy.stack(rows)")
+    if _is_quantity(heights):
         text = f"{heights.units:~C}"
         if named(text) is None and heights.check("[length]"):  # an inch, or a unit of the user
             text, heights = "m", heights.to("m")
@@ -104,6 +108,10 @@ def _numbers(heights: Any) -> tuple[Array, Text]:
     if array.ndim != 2:
         raise SurfaceError(f"heights have shape {array.shape}; allowed: two axes")
     return np.ma.filled(array.astype(np.float64), np.nan), unit
+
+
+def _is_quantity(value: Any) -> bool:
+    return hasattr(value, "magnitude") and hasattr(value, "units")
 
 
 def _ragged(heights: Any) -> str:
