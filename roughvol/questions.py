@@ -120,7 +120,9 @@ class ReadOff:
     narrower: tuple[str, ...]  # changes of the study that solve states around the answers
 
     def command(self, run: str = "", changes: Sequence[str] = ()) -> str:
-        """Return the command that narrows the interval, empty without one."""
+        """Return the command that narrows the interval, empty without one, and of a dataset saved by itself."""
+        if self.run.file.exists() and not self.run.has_study:
+            return ""
         every = [word for change in (*changes, *self.narrower) for word in ("--set", change)]
         return shlex.join(["roughvol", "run", run or self.run.name, *every]) if self.narrower else ""
 
@@ -238,7 +240,7 @@ def _card_at(run: StoredRun, load: str, jobs: int | None) -> Card:
     """Return the leak card of a run at a load of leg 1."""
     from roughvol.analysis import read_off
 
-    if not run.file.exists():
+    if not run.has_study:
         read_off.refuse("the budget of the error takes runs of the study; allowed: a study file, or the name of a run")
     leg = ", leg 1" if read_off.path_words(run.dataset) else ""
     folder = run.folder.with_name(f"{run.name}_card")

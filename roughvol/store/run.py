@@ -57,6 +57,11 @@ class StoredRun:
         return self.file.parent
 
     @property
+    def has_study(self) -> bool:
+        """Whether its study can be run again; not that of a dataset saved with ``to_netcdf``, or in memory."""
+        return self.file.name == RESULTS and self.file.exists()
+
+    @property
     def study(self) -> Study:
         """Its study with the height files, which must be those of the results."""
         if self.given is not None:

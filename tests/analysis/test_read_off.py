@@ -311,6 +311,16 @@ PATH = TEXT.replace("m: 5, seeds: 2", "m: 4, seeds: 1").replace(
 )
 
 
+def test_a_dataset_saved_by_itself_has_no_study_to_run(
+    swept: Dataset, largest: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    swept.to_netcdf("saved.nc")
+    leak = ("--leak-rate", f"{largest} mm^3/s")
+    assert "roughvol run" not in said("ask", "saved.nc", *leak)
+    assert "allowed: a study file, or the name of a run" in refused("ask", "saved.nc", *leak, "--budget")
+
+
 def test_of_a_path_the_first_leg_answers_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("law.yaml").write_text("prony: {shares: [0.5], times: [10 s]}")
