@@ -127,6 +127,14 @@ def is_open(flow: DataArray) -> DataArray:
     return found.assign_attrs(units="1", symbol=QUANTITIES["open"].symbol)
 
 
+def with_closed(flow: DataArray, ds: Dataset) -> DataArray:
+    """Return a flow of the dry gap, also 0 where another number of a dataset shows that the way is closed."""
+    for name in EVIDENCE:
+        if name in ds:
+            flow = flow.where(flow.notnull() | (ds[name] != 0.0), 0.0)
+    return flow
+
+
 def zero_beyond(ds: Dataset) -> tuple[str, ...]:
     """Return the numbers that are 0 beyond the end of a closed sweep.
 

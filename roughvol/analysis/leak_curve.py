@@ -26,6 +26,7 @@ from xarray import Dataset
 
 from roughvol.analysis.closing import SOLVED, Span, solved_loads, span_of, spans
 from roughvol.analysis.derived import groups
+from roughvol.analysis.leak import with_closed
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import FEW_DRAWS, Patch, closing_of, conductance_of, is_isotropic, ratios
 from roughvol.analysis.units import sigma
@@ -233,11 +234,11 @@ def curves(run: Dataset, axis: str) -> list[Curve]:
 
 
 def _of_surfaces(run: Dataset, axis: str) -> list[Curve]:
-    """Return the leak of each surface; a solved closing load is a closed step."""
+    """Return the leak of each surface, 0 where its way is closed; a solved closing load is a closed step."""
     made = []
     for name, surface in surfaces(run):
         pressure, starred = (surface[key].values for key in ("nominal_pressure", "mean_pressure"))
-        leak = surface["leak_rate"].sel(axis=axis).values
+        leak = with_closed(surface["leak_rate"], surface).sel(axis=axis).values
         if SOLVED in surface and np.isfinite(leak).any():
             end = float(surface[SOLVED].sel(axis=axis))
             per_starred = np.nanmax(pressure) / np.nanmax(starred)

@@ -311,6 +311,17 @@ PATH = TEXT.replace("m: 5, seeds: 2", "m: 4, seeds: 1").replace(
 )
 
 
+def test_a_leak_ends_at_a_step_that_any_record_shows_closed(tmp_path: Path) -> None:
+    record = "percolation: every-step, transmissivity: {pressure: [0.02 MPa]}"
+    text = CLOSES.replace("transmissivity: every-step", record).replace("m: 5, seeds: 4", "m: 4, seeds: 1")
+    ds = roughvol.run(loads(text), jobs=1, out=tmp_path)
+    for answer, closes in zip(
+        roughvol.ask(ds, leak_rate="1e-30 mm^3/s").answers, roughvol.ask(ds).answers, strict=True
+    ):
+        assert (answer.value, answer.nominal.closing) == (closes.value, True)
+        assert 0.02 <= answer.low < closes.low < closes.high == answer.high
+
+
 def test_a_dataset_saved_by_itself_has_no_study_to_run(
     swept: Dataset, largest: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -22,7 +22,7 @@ from xarray import DataArray, Dataset
 from roughvol.analysis.at import MADE
 from roughvol.analysis.average import RANGE
 from roughvol.analysis.closing import LOADS, solved_loads
-from roughvol.analysis.leak import EVIDENCE, LIFTED, STATE, is_lifted
+from roughvol.analysis.leak import LIFTED, STATE, is_lifted, with_closed
 from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES
 from roughvol.report.figures.families import Family, curves, mean_and_band, named, several
@@ -57,13 +57,8 @@ class Way(NamedTuple):
 def flow(ds: Dataset, name: str, direction: str) -> DataArray:
     """Return a flow along a direction, also 0 at the states at which another variable shows that the way is closed."""
     ds = ds.sel(axis=direction)
-    values = ds[name]
-    if is_lifted(ds):  # the ways that are stored are those of the dry gap
-        return values
-    for other in EVIDENCE:
-        if other in ds:
-            values = values.where(values.notnull() | (ds[other] != 0.0), 0.0)
-    return values
+    # the ways that are stored are those of the dry gap
+    return ds[name] if is_lifted(ds) else with_closed(ds[name], ds)
 
 
 def way(load: Array, value: Array) -> Way:
