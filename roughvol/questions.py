@@ -196,11 +196,12 @@ def ask(
     True
     """
     from roughvol.analysis import read_off
+    from roughvol.store.variants import of_one_combination, study_in
     from roughvol.study import level, text_of_value
 
     found = opened(run, changes)
     wanted = "" if leak_rate is None else str(text_of_value(leak_rate, "leak_rate")).lstrip("<= ")
-    results, kelvin = found.dataset, None
+    results, kelvin = of_one_combination(found.dataset), None
     if read_off.is_throughput(wanted):
         results, kelvin = read_off.of_gas(results, unknown)
     read_off.check(results, leaks=leak_rate is not None)
@@ -215,7 +216,10 @@ def ask(
         return read_off.ask(results, largest, unknown, pressure=load, errors=errors)
 
     answers = answered(None)
-    narrower = read_off.narrower(results, answers, closed=leak_rate is None)
+    whole = study_in(found.dataset)
+    # a study of several combinations would not answer for one
+    single = whole is None or len(whole.variants) == 1
+    narrower = read_off.narrower(results, answers, closed=leak_rate is None) if single else []
     if budget and kelvin is not None:
         read_off.refuse(f"the leak rate is {wanted!r}: the budget of the error is that of a liquid")
     if budget:
@@ -330,10 +334,11 @@ def creep(
     """
     from roughvol.analysis import creep as over_time
     from roughvol.analysis import read_off
+    from roughvol.store.variants import of_one_combination
     from roughvol.study import level, load_creep, read_times
 
     found = opened(run, changes)
-    results = found.dataset
+    results = of_one_combination(found.dataset)
     read_off.check(results)
     load = read_off.nominal_of(results, level(at))
     history = over_time.history(results, load_creep(law), load, read_times(times))

@@ -139,6 +139,12 @@ def parts_of(results: Dataset) -> list[Part]:
     return found
 
 
+def of_one_combination(results: Dataset) -> Dataset:
+    """Return results of one combination as those of its study without lists; others unchanged."""
+    parts = parts_of(results)
+    return parts[0].dataset if len(parts) == 1 else results
+
+
 def warnings_of(parts: Sequence[tuple[Variant[Study], Dataset]]) -> str:
     """Return the warnings of all combinations; those of some have their words behind them."""
     lines = [(variant.words, str(part.attrs.get("warnings", "")).splitlines()) for variant, part in parts]

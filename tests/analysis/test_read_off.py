@@ -311,6 +311,24 @@ PATH = TEXT.replace("m: 5, seeds: 2", "m: 4, seeds: 1").replace(
 )
 
 
+@pytest.mark.parametrize("load", ["pressure=0.02 MPa", "load=0.8 mN"])
+def test_a_choice_of_a_list_is_read_off_with_the_material_of_its_label(load: str, tmp_path: Path) -> None:
+    text = TEXT.replace("m: 5, seeds: 2", "m: 4, seeds: 1").replace("to: {pressure: 1.2}", "to: {pressure: 0.05 MPa}")
+    several = text.replace("{E_star: 10 MPa}", "{E_star: [5 MPa, 10 MPa]}")
+    every, alone = (
+        roughvol.run(loads(one), jobs=1, out=tmp_path / name) for name, one in (("several", several), ("alone", text))
+    )
+    wanted = {"leak_rate": f"{float(alone.leak_rate.median())} mm^3/s", "unknown": "modulus", "at": load}
+    found, expected = (roughvol.ask(ds, **wanted) for ds in (every.sel(E_star=10.0), alone))
+    for answer, true in zip(found.answers, expected.answers, strict=True):
+        assert (answer.value, answer.low, answer.high) == pytest.approx((true.value, true.low, true.high))
+    assert expected.narrower
+    assert not found.narrower
+    law = {"power": {"exponent": 0.1, "time": "1 s"}}
+    over_time = [roughvol.creep(ds, law, at=load, times=["1 s"]) for ds in (every.sel(E_star=10.0), alone)]
+    assert over_time[0].equivalent == pytest.approx(over_time[1].equivalent)
+
+
 def test_a_leak_ends_at_a_step_that_any_record_shows_closed(tmp_path: Path) -> None:
     record = "percolation: every-step, transmissivity: {pressure: [0.02 MPa]}"
     text = CLOSES.replace("transmissivity: every-step", record).replace("m: 5, seeds: 4", "m: 4, seeds: 1")
