@@ -33,7 +33,7 @@ SKEWED_BYTES = 25  # per node, in addition: while heights get their skewness
 CHANNEL_BYTES, FLOW_BYTES = 200, 260  # per node, in addition: of a search for the last channel; of a flow
 GAS_BYTES = 150  # per node, in addition: conductances of a gas
 FIELD_BYTES = 16  # per node and stored field
-FILE_BYTES = 1.2e5  # of the file of a case without fields
+FILE_BYTES, STEP_BYTES = 1.2e5, 700  # of the file of a case without fields: at most, and in addition for each step
 SMALL = 1e9  # never refused up to here: the estimate is rough
 SPARED = 0.9  # largest share of the available memory
 TIMED_UP_TO = 1025  # nodes a side; times of larger grids are scaled as N² log N
@@ -104,7 +104,8 @@ def flow_elements(case: Case, shape: Shape) -> int:
 
 def disk_of(case: Case, shape: Shape) -> float:
     """Return an upper bound of the bytes in the file of a case; compressed fields take less."""
-    return FILE_BYTES + 8 * math.prod(shape) * requests.fields_of(case.record)
+    steps = FILE_BYTES + STEP_BYTES * case.sweep.steps
+    return steps + 8 * math.prod(shape) * requests.fields_of(case.record)
 
 
 def check_fits(

@@ -124,9 +124,15 @@ def test_work_grows_with_grid_searches_and_observables() -> None:
     assert total("sweep: {steps: 0}") < 0.3 * plain
 
 
-def test_disk_is_an_upper_bound(tmp_path: Path) -> None:
-    record = "record: {heights: true, fields_at: {step: [3, 6]}, box_counting: {}, volume_density: {}}"
-    study = loads(f"surface: {{D: 2.5, m: 5, seeds: 2}}\nsweep: {{steps: 6}}\n{record}")
+@pytest.mark.parametrize(
+    ("m", "steps", "record"),
+    [
+        (5, 6, "{heights: true, fields_at: {step: [3, 6]}, box_counting: {}, volume_density: {}}"),
+        (3, 1500, "{transport: {percolation: every-step}}"),
+    ],
+)
+def test_disk_is_an_upper_bound(tmp_path: Path, m: int, steps: int, record: str) -> None:
+    study = loads(f"surface: {{D: 2.5, m: {m}, seeds: 2}}\nsweep: {{steps: {steps}}}\nrecord: {record}")
     roughvol.run(study, out=tmp_path)
     assert sum(path.stat().st_size for path in tmp_path.rglob("*.nc")) <= estimate(study).disk
 
