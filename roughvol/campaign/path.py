@@ -170,8 +170,8 @@ class Path:
         if target.kind == "free_volume":
             check_touch(target, self._case, self._surface, trials.untouched)
         elif goal.reached(trials.untouched):
-            kind = target.kind.replace("_", " ")
-            raise ContactError(f"the {kind} is below that of the end of the sweep at first touch already")
+            message = f"{target.label} lies before the first touch; allowed: below the leak rate of the first touch"
+            raise ContactError(message)
 
 
 def last_indentation(case: Case, surface: Surface, half_space: Compliance) -> float:
