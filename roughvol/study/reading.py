@@ -6,10 +6,11 @@ broken rules across sections. All problems are sorted by line.
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from pydantic import ValidationError
 
@@ -31,9 +32,10 @@ from roughvol.study.plain_data import (
     write,
 )
 from roughvol.study.python_data import plain
+from roughvol.study.sections.strict import names
 from roughvol.study.sections.surface import UNSAID
 from roughvol.study.study import Study
-from roughvol.study.validation import translated
+from roughvol.study.validation import models_of, translated
 
 NO_FILES = ("<string>", "<stdin>")
 RESULTS, RUNS = (".nc",), (".", "runs")  # suffix of results, and folders of runs
@@ -243,10 +245,17 @@ def _study(
 
 
 def set_key(data: dict[str, Any], marks: dict[KeyPath, tuple[int, int]], change: str) -> KeyPath:
-    """Set a key of plain data, as ``surface.m=6``, and return its path; it has the line of its mapping."""
+    """Set a key of plain data, as ``surface.m=6``, and return its path; it has the line of its mapping.
+
+    ``null`` takes the key out: it has its default. An empty text stays a value, which may be an oversight.
+    """
     keys, value = _key_and_value(change)
     try:
         put(data, keys, value)
+        section = tuple(key for key in keys[:-1] if isinstance(key, str))
+        known = names(*models_of(Study).get(section, ()))
+        if value is None and keys[-1] in known and not change.rstrip().endswith("="):
+            del functools.reduce(lambda held, key: held[key], keys[:-1], cast(Any, data))[keys[-1]]
     except ValueError as error:
         raise StudyError([Problem(str(error), key_text(keys), file=SET)]) from error
     for path in [path for path in marks if path[: len(keys)] == keys]:

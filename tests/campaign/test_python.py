@@ -105,6 +105,8 @@ def test_changes_are_those_of_the_file() -> None:
         ("surfaces.m=5", "--set: surfaces: unknown key"),
         ("material.layer.thickness=1 um", "--set: material.layer: unknown key"),
         ("seal.lenght=1 mm", "--set: seal.lenght: unknown key"),
+        ("seal.lenght=null", "--set: seal.lenght: unknown key"),
+        ("surface.seeds=", "--set: surface.seeds: must be a whole number, given nothing"),
         ("seal.length=3 mm", "--set: seal.width: missing"),
     ],
 )

@@ -32,6 +32,9 @@ record: {fields_at: last}
          ["record.region=null", "material=[{E_star: 1 MPa}, {E_star: 2 MPa, hardness: none}]"]),
         ({"material": {"E": [5.0, 10.0], "nu": 0.5}, "sweep.to": "mean-plane"},
          ["material={E: [5, 10], nu: 0.5}", "sweep.to=mean-plane"]),
+        ({**dict.fromkeys(("sweep.to", "sweep.steps", "sweep.equal", "sweep.first")), "sweep.pressures": [0.1, 0.2]},
+         ["sweep.to=null", "sweep.steps=null", "sweep.equal=null", "sweep.first=null", "sweep.pressures=[0.1, 0.2]"]),
+        ({"record": None, "surface.seeds": None}, ["record=null", "surface.seeds=null"]),
         ({"record.transport.percolation": "every-step"}, ["record.transport.percolation=every-step"]),
     ],
 )  # fmt: skip
