@@ -165,6 +165,13 @@ def put(data: Any, path: KeyPath, value: Any) -> None:
             data = data[key]
 
 
+def given(data: Any) -> Any:
+    """Return plain data without keys that have no value."""
+    if not isinstance(data, dict):
+        return data
+    return {key: given(value) for key, value in data.items() if value is not None}
+
+
 _SCALARS = (
     ("null", r"(?:~|null|Null|NULL|)\Z", ("", *"~nN")),
     ("bool", r"(?:true|True|TRUE|false|False|FALSE)\Z", "tTfF"),

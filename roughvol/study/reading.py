@@ -24,6 +24,7 @@ from roughvol.study.plain_data import (
     KeyPath,
     Reading,
     UnreadableError,
+    given,
     key_path,
     key_text,
     printable,
@@ -219,6 +220,8 @@ def _study(
             message = (problems or {}).get((), str(error))  # the data are no mapping
             raise StudyError([Problem(message, argument=arguments.of(""))]) from error
         raise StudyError([Problem(str(error), "", error.line, file)]) from error
+    if of_run and changes:  # the study of a run names keys without a value, which exclude others
+        data = given(data)
     written = set(reading.marks)
     changed = [set_key(data, reading.marks, change) for change in changes]
     problems = {**reading.problems, **(problems or {})}

@@ -17,7 +17,7 @@ from roughvol.study.axes import Axis, Variant
 from roughvol.study.case import Case
 from roughvol.study.file import StudyFile
 from roughvol.study.former import renamed
-from roughvol.study.plain_data import KeyPath, Places, key_path, key_text, put, write
+from roughvol.study.plain_data import KeyPath, Places, given, key_path, key_text, put, write
 from roughvol.study.python_data import plain
 from roughvol.study.rules import RULES
 from roughvol.study.sections import ensemble as ensembles
@@ -184,7 +184,7 @@ class Study(StudyFile):
 
     def changed(self, **keys: Any) -> Study:
         """Return this study with other keys, as ``**{"surface.m": 7}``, checked as a file; None is the default."""
-        data, problems = _given(self.model_dump(mode="json")), dict[KeyPath, str]()
+        data, problems = given(self.model_dump(mode="json")), dict[KeyPath, str]()
         for key, value in keys.items():
             path = key_path(key)
             try:
@@ -193,7 +193,7 @@ class Study(StudyFile):
                 raise StudyError([Problem(str(error), key)]) from error
         former = renamed(data, problems, [key_path(key) for key in keys])
         same_files = not any(set(key_path(key)) & {"file", "files", "against"} or key == "surface" for key in keys)
-        data = _given(data)
+        data = given(data)
         try:
             study = type(self).model_validate(data, context={"folder": Path(), "stored": same_files})
         except ValidationError as error:
@@ -238,13 +238,6 @@ def _need_length(sweep: Sweep | Legs, record: Record, file: str) -> None:
         if level.lacking("Pa", None):
             reason = f"needs the unit of length, and {Path(file).name} gives none: add surface: {{L: 100 um}}"
             raise StudyError([Problem(f"{level.label} {reason}", str(section))])
-
-
-def _given(data: Any) -> Any:
-    """Return plain data without keys that have no value."""
-    if not isinstance(data, dict):
-        return data
-    return {key: _given(value) for key, value in data.items() if value is not None}
 
 
 def json_schema() -> dict[str, Any]:

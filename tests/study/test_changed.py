@@ -72,6 +72,13 @@ def test_a_changed_study_of_a_file_keeps_its_file_and_its_lines(tmp_path: Path) 
         study.changed(**{"surface.L": -1.0})
 
 
+def test_keys_without_a_value_in_the_study_of_a_run_exclude_no_others() -> None:
+    text = TEXT.replace("E_star: 10 MPa", "E: 10 MPa, nu: 0.3")
+    changes = ["material.E=null", "material.nu=null", "material.E_star=5 MPa"]
+    changed = loads(loads(text).to_yaml(), of_run=True, changes=changes)
+    assert changed.to_yaml() == loads(text, changes=changes).to_yaml()
+
+
 def test_a_wrong_key_of_the_file_keeps_its_line_under_a_change_inside() -> None:
     with pytest.raises(StudyError, match=r"changed.yaml:1: surfaces: unknown key"):
         loads("surfaces: {D: 2.3, m: 4}\n", "changed.yaml", changes=["surfaces.m=5"])
