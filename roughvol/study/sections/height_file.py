@@ -193,7 +193,7 @@ class CounterBody(Strict):
 
     file: HeightPath = Field(description=_FILE + "; heights positive out of its own body")
     variable: Variable | None = optional(_VARIABLE)
-    heights_unit: HeightsUnit | None = optional(_HEIGHTS_UNIT + "; default: that of the first")
+    heights_unit: HeightsUnit | None = optional(_HEIGHTS_UNIT + "; default: surface.heights_unit, then that of L")
     columns: Columns | None = optional(_COLUMNS)
     header: Header | None = optional(_HEADER)
     mirror: Mirror = default(
