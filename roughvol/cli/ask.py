@@ -14,6 +14,7 @@ from roughvol.cli.output import say, say_json
 
 if TYPE_CHECKING:
     from roughvol.analysis.read_off import Answer
+    from roughvol.store import StoredRun
     from roughvol.store.dataset import Dataset
 
 SOUGHT = {"pressure": "least pressure", "modulus": "largest modulus", "Sq": "largest Sq"}
@@ -67,6 +68,8 @@ def ask(
     """
     if (leak_rate is None) == (not closed):
         raise click.UsageError("either --leak-rate VALUE or --closed")
+    from roughvol.analysis.read_off import is_throughput
+
     found = roughvol.ask(run, leak_rate=leak_rate, unknown=unknown, at=state, budget=budget, jobs=jobs, changes=changes)
     narrower = found.command(run or "", changes)
     if as_json:
@@ -79,7 +82,8 @@ def ask(
         if answer.budget is not None:
             say(f"  {_of_budget(answer)}")
     errors = budget or not any(answer.found for answer in found.answers)  # without an answer no errors are missing
-    for line in beyond(found.run.name, found.run.dataset, has_errors=errors):
+    offered = found.run.has_study and not is_throughput(found.leak_rate)
+    for line in beyond(found.run, has_errors=errors, offered=offered):
         say(line)
     if narrower and not budget:
         say(f"Solved states narrow the interval: {narrower}")
@@ -92,14 +96,17 @@ def titled(name: str, results: Dataset) -> str:
     return ", ".join(filter(None, (name, read_off.path_words(results))))
 
 
-def beyond(name: str, results: Dataset, *, has_errors: bool) -> Iterator[str]:
-    """Yield how several height files count, and which errors of a leak a read-off does not have."""
+def beyond(run: StoredRun, *, has_errors: bool, offered: bool) -> Iterator[str]:
+    """Yield how several height files count, and which errors of a leak a read-off does not have.
+
+    ``offered`` is whether a card has these errors.
+    """
     from roughvol.analysis import read_off
 
-    yield from filter(None, (read_off.files_words(results), read_off.seal_words(results)))
+    yield from filter(None, (read_off.files_words(run.dataset), read_off.seal_words(run.dataset)))
     if not has_errors:
-        words = "Errors of the grid and of the window are not in these numbers; with them: --budget, or roughvol card"
-        yield f"{words} {name}"
+        card = f"; with them: --budget, or roughvol card {run.name}" if offered else "."
+        yield f"Errors of the grid and of the window are not in these numbers{card}"
 
 
 def _of_budget(answer: Answer) -> str:

@@ -64,7 +64,7 @@ def creep(
         return
     say(f"{titled(found.name, found.dataset)}: at {history.pressure:.4g} {history.pressure_unit}; {history.body}")
     say_table(over_time.table_of(history))
-    for line in beyond(found.name, found.dataset, has_errors=budget):
+    for line in beyond(found, has_errors=budget, offered=found.has_study):
         say(line)
     folder = out or found.folder
     over_time.write_csv(history, folder / "creep.csv")

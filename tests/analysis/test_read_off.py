@@ -346,7 +346,7 @@ def test_a_dataset_saved_by_itself_has_no_study_to_run(
     monkeypatch.chdir(tmp_path)
     swept.to_netcdf("saved.nc")
     leak = ("--leak-rate", f"{largest} mm^3/s")
-    assert "roughvol run" not in said("ask", "saved.nc", *leak)
+    assert said("ask", "saved.nc", *leak).endswith("Errors of the grid and of the window are not in these numbers.\n")
     assert "allowed: a study file, or the name of a run" in refused("ask", "saved.nc", *leak, "--budget")
 
 
