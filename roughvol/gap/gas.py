@@ -29,6 +29,7 @@ import numpy as np
 
 from roughvol.errors import ContactError, ConvergenceError
 from roughvol.gap.clusters import check_gap, spanned
+from roughvol.gap.compiled import compiled
 from roughvol.gap.constriction import constriction
 from roughvol.gap.network import ACCURACY, flow_through, harmonic
 from roughvol.typing import Array
@@ -41,10 +42,11 @@ LAST, INNER = 0.1, 0.01  # over the accuracy: relative change of the flow at the
 SLIP = 6.0  # of Maxwell's slip velocity λ du/dz, walls of diffuse reflection
 # Q = a D + b + c/D + d/D² from each D on (Fukui & Kaneko 1990)
 FREE = 0.01
+STARTS = (FREE, 0.15, 5.0)
 PIECES = (
-    (FREE, (-2.22919, 2.10673, 0.01653, -0.0000694)),
-    (0.15, (0.13852, 1.25087, 0.15653, -0.00969)),
-    (5.0, (1.0 / 6.0, 1.0162, 1.0653, -2.1354)),
+    (-2.22919, 2.10673, 0.01653, -0.0000694),
+    (0.13852, 1.25087, 0.15653, -0.00969),
+    (1.0 / 6.0, 1.0162, 1.0653, -2.1354),
 )
 VACUUM = 1e-12  # least pressure of an element: conductances for s stay finite at an outlet without gas
 NEAR = 0.02  # relative difference of two pressures, below which their mean conductance is a quadrature
@@ -67,29 +69,47 @@ class GasFlow(NamedTuple):
 def kinetic_flow_rate(inverse_knudsen: Array) -> Array:
     """Return Q(D), the flow rate between plane plates by kinetic theory, for D = √π g/(2 λ) > 0."""
     D = np.asarray(inverse_knudsen, dtype=float)
-    a, b, c, d = PIECES[0][1]
-    rate = a * FREE + b + c / FREE + d / FREE**2 - np.log(D / FREE) / math.sqrt(math.pi)
-    for start, (a, b, c, d) in PIECES:
-        x = np.maximum(D, start)
-        rate = np.where(start <= D, a * x + b + c / x + d / x**2, rate)
-    return rate
+    return _rates(D.ravel()).reshape(D.shape)
 
 
 def kinetic_integral(inverse_knudsen: Array) -> Array:
     """Return ∫ Q dD from 0 to D ≥ 0."""
     D = np.asarray(inverse_knudsen, dtype=float)
+    return _integrals(D.ravel()).reshape(D.shape)
 
-    def part(x: Array | float, piece: tuple[float, ...]) -> Array:
-        a, b, c, d = piece
-        return np.asarray(0.5 * a * np.square(x) + b * np.asarray(x) + c * np.log(x) - d / np.asarray(x))
 
-    a, b, c, d = PIECES[0][1]
-    first = a * FREE + b + c / FREE + d / FREE**2
-    low = np.clip(D, 1e-300, FREE)
-    total = np.where(D > 0.0, low * (first + (1.0 - np.log(low / FREE)) / math.sqrt(math.pi)), 0.0)
-    ends = [*(start for start, _ in PIECES[1:]), np.inf]
-    for (start, piece), end in zip(PIECES, ends, strict=True):
-        total = total + (part(np.clip(D, start, end), piece) - part(start, piece))
+@compiled
+def _rates(D: Array) -> Array:
+    """Return Q of each D."""
+    rate = np.empty(D.size)
+    for k in range(D.size):
+        x, piece = max(D[k], FREE), 0
+        while piece + 1 < len(STARTS) and x >= STARTS[piece + 1]:
+            piece += 1
+        a, b, c, d = PIECES[piece]
+        rate[k] = a * x + b + c / x + d / x**2
+        if D[k] < FREE:
+            rate[k] -= math.log(D[k] / FREE) / math.sqrt(math.pi)
+    return rate
+
+
+@compiled
+def _integrals(D: Array) -> Array:
+    """Return ∫ Q dD up to each D."""
+    total = np.zeros(D.size)
+    a, b, c, d = PIECES[0]
+    free = a * FREE + b + c / FREE + d / FREE**2
+    for k in range(D.size):
+        low = min(D[k], FREE)
+        if low > 0.0:
+            total[k] = low * (free + (1.0 - math.log(low / FREE)) / math.sqrt(math.pi))
+        for piece in range(len(STARTS)):
+            start, end = STARTS[piece], STARTS[piece + 1] if piece + 1 < len(STARTS) else np.inf
+            if D[k] > start:
+                a, b, c, d = PIECES[piece]
+                x = min(D[k], end)
+                total[k] += 0.5 * a * (x**2 - start**2) + b * (x - start)
+                total[k] += c * math.log(x / start) - d * (1.0 / x - 1.0 / start)
     return total
 
 
