@@ -21,7 +21,7 @@ PER_CONVOLUTION = 1.2  # time of a step over that of its convolutions
 SINGLE = 0.6  # seconds of a convolution in single precision over one in double precision
 UNITS, UNITS_PER_LEVEL, DIGITS_POWER = 1.40, 0.34, 1.95  # convolutions a step at m = 6 and 1e-6; a level; of digits
 SEARCH, LEVEL = 23, 3  # steps that take the time of a search for an indentation; for a level between two steps
-FLOW_POWER, FLOW_NODES = 0.15, 257**2  # growth with the nodes of the seconds a node of a flow (a factorisation)
+FLOW = 4e-3  # seconds of the flows of a state beside those of their nodes
 SURFACE_M, SURFACE = 6, 6.0e-4  # m of a surface without a solve, and its seconds
 
 
@@ -77,9 +77,8 @@ def observable_seconds(case: Case, shape: tuple[int, int]) -> dict[str, float]:
     for name, levels in timed(case.record).items():
         row = OBSERVABLES[name]
         nodes = [math.prod(shape) * share for share in passes(row, case.record)]
-        power = FLOW_POWER if row.flow else 0.0
         count = case.sweep.steps if levels is None else len(levels)
-        seconds[name] = count * row.seconds * sum(n * (n / FLOW_NODES) ** power for n in nodes)
+        seconds[name] = count * sum(row.seconds * n + FLOW * row.flow for n in nodes)
     return seconds
 
 

@@ -78,7 +78,7 @@ def test_everything_that_is_recorded_has_its_cost() -> None:
     names = {"fields_at", "box_counting", "volume_density", "transmissivity", "flux_at", "region_widths"}
     assert set(few) == names | {"region_transmissivity"}
     assert many["transmissivity"] == pytest.approx(10 * few["transmissivity"], rel=1e-12)
-    assert 1.0 < few["region_transmissivity"] / few["transmissivity"] < 1.25  # 1 + 0.5², or less
+    assert 1.0 < few["region_transmissivity"] / few["transmissivity"] < 2.0  # two flows, of which the second is smaller
     assert estimate(loads(text[: text.index("record")]), jobs=1).observables == {}
 
 
