@@ -23,7 +23,7 @@ from roughvol.gap.aggregates import Graph, Indices, Numbers
 from roughvol.gap.compiled import compiled
 from roughvol.typing import Array, Single
 
-DIRECT = 2500  # elements; with more, small grids take up to three times as long (flow.md)
+DIRECT = 2500  # elements; with 5000, grids of 65² take three times as long (flow.md)
 DAMPING = 0.8  # of a Jacobi sweep
 # an M-matrix needs no pivoting, so the order may follow the sparsity alone
 _SPLU: dict[str, Any] = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}

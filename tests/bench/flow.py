@@ -2,6 +2,7 @@
 
 python -m tests.bench.flow states 9        16 states of D = 2.2 to A* = 0.15: contact against flows, x and y
 python -m tests.bench.flow direct 9        one flow in light and heavy contact: by gradients against factorised
+python -m tests.bench.flow levels 6        16 states by the size up to which grids and levels are factorised
 python -m tests.bench.flow peer 512        one flow against reynoldsflow, errors against the flow to 1e-11
 python -m tests.bench.flow large 12 0.1    memory and time of one flow through the gap over a cut surface
 python -m tests.bench.flow card 10         the leak card of a mirrored map of D = 2.2, and its run on the finest grid
@@ -86,6 +87,18 @@ def direct(m: int) -> None:
             print(
                 f"  {accuracy:.0e}: {taken:.3f} s, 1/{seconds / taken:.0f}, error {error:.1e}, stated {flow.error:.1e}"
             )
+
+
+def levels(m: int) -> None:
+    """Print seconds of flows to 1e-4 by `multigrid.DIRECT`: medians of 5 rounds, in which the sizes take turns."""
+    found, sizes, kept = gaps(m), (5000, 2500, 1000), multigrid.DIRECT
+    followed(found[:1], 1e-4)  # loads compiled code
+    taken: dict[int, list[float]] = {size: [] for size in sizes}
+    for _ in range(5):
+        for multigrid.DIRECT in sizes:
+            taken[multigrid.DIRECT].append(timed(lambda: followed(found, 1e-4))[1])
+    multigrid.DIRECT = kept
+    print(", ".join(f"{size}: {np.median(seconds):.3f} s" for size, seconds in taken.items()))
 
 
 def peer(n: int) -> None:
@@ -180,4 +193,5 @@ if __name__ == "__main__":
         if what == "large":
             large(int(numbers[0]), float(numbers[1]))
         else:
-            {"states": states, "direct": direct, "peer": peer, "card": card, "fewer": fewer}[what](int(numbers[0]))
+            of = {"states": states, "direct": direct, "levels": levels, "peer": peer, "card": card, "fewer": fewer}
+            of[what](int(numbers[0]))
