@@ -367,6 +367,8 @@ def leak_of(
         found = Estimate(found.value, math.nan, math.nan)
     if closed := int((maps[:, :1] == 0.0).sum()):
         words.append(f"{closed} of {len(maps)} patches are closed along the flow")
+        if found.value > 0.0 and not shared:
+            words.append("the median patch is closed: the errors that all patches share are not known")
     smaller, larger = together(shared)
     samples = f"{len(maps)} surfaces" if quadrants is None else "4 quadrants"
     parts = (*shared, window_of(found, samples))

@@ -242,6 +242,18 @@ def test_the_same_seal_of_patches_in_another_direction(tmp_path: Path) -> None:
     assert found == {"x": (8, 240), "y": (4, 480)}
 
 
+def test_a_seal_whose_median_patch_is_closed_says_that_its_errors_are_not_known() -> None:
+    patch = seal.Patch(loads(TEXT).seal, (1.0, 1.0), "mm", 1.0)
+    maps = np.array([[0.0, 1.0], [0.0, 2.0], [1.0, 3.0]])
+    leak, _, words = seal.leak_of(patch, maps, None, isotropic=True, representative=True, shared=())
+    assert leak.value > 0.0
+    assert math.isnan(leak.high)
+    assert words[-2:] == (
+        "2 of 3 patches are closed along the flow",
+        "the median patch is closed: the errors that all patches share are not known",
+    )
+
+
 def test_one_map_without_a_roll_off_has_a_leak_and_no_interval(tmp_path: Path) -> None:
     fractal = "{D: 2.2, m: 5, L: 0.5 mm, Sq: 0.5 um, seeds: 1}"
     text = COARSE.replace(
