@@ -367,6 +367,16 @@ def test_the_map_shows_contact_and_flux_and_the_place_of_the_constriction(
     assert_allclose(marked, case.critical_position.sel(axis="x", step=2))
 
 
+def test_the_map_of_a_period_marks_the_constriction_of_a_flow_across_its_sides() -> None:
+    text = "surface: {D: 2.2, m: 4, seeds: [0], sides: periodic}\nsweep: {steps: 3, to: {contact_area: 0.2}}\n"
+    flows = "{constriction: every-step, transmissivity: last, flux_at: last}"
+    period = run_case(loads(f"{text}record: {{fields_at: last, transport: {flows}}}").cases()[0])
+    fig = FIGURES["seal_map"](period)
+    marked = np.ravel([line.get_data() for line in fig.axes[0].lines[:1]])
+    assert_allclose(marked, period.critical_position.sel(axis="x").isel(step=-1).values.ravel())
+    assert fig.get_size_inches()[0] < 5.0  # one map takes no page
+
+
 def test_a_map_without_flux_and_gap_at_one_state_is_refused(ds: Dataset) -> None:
     apart = ds.assign_coords(flux_at=["step=3", "step=6"])
     unreached = ds.assign(flux_at_step=-1 * xr.ones_like(ds.flux_at_step))

@@ -282,16 +282,18 @@ def seal_map(ds: Dataset) -> Drawing:
     case, name = single(ds.sel(flux_at=mapped(ds)), "flux")
     case = case.sel(axis="x")
     labels = case["flux_at"].values[case["flux_at_step"].values > 0][:3]
-    fig = canvas(PAGE, 2.9)
+    fig = canvas(PAGE - 1.4 * (3 - len(labels)), 2.9)
     axes = fig.subplots(1, len(labels), sharey=True, squeeze=False)[0]
     for ax, label in zip(axes, labels, strict=True):
         state = recorded_state(case, "flux_at", case["flux_at"].values.tolist().index(label))
         flux = own(state["flux"])
         x, y, half = flux["x"].values, flux["y"].values, flux["x"].values[1] / 2
-        gap = state["gap"].sel(field_at=label, x=flux["x"], y=flux["y"]).transpose("x", "y").values
+        whole = state["gap"].sel(field_at=label)
+        gap = whole.sel(x=flux["x"], y=flux["y"]).transpose("x", "y").values
+        periodic = "periodic" in ds.attrs and int(whole.notnull().sum()) == gap.size  # a region is no period
         shares = np.maximum(flux.values / (float(flux.mean()) or 1.0), ways.FLUX_RANGE[0])
         image = ways.draw_flux(ax, shares, gap, (x[0] - half, x[-1] + half, y[0] - half, y[-1] + half), "OrRd")
-        place = constriction(gap, 0).element  # of this state; the stored one is of the next step
+        place = constriction(gap, 0, periodic=periodic).element  # of this state; the stored one is of the next step
         if place is not None:
             spot: dict[str, Any] = {"marker": "o", "ms": 11, "mfc": "none", "clip_on": False}
             for width, colour in ((2.6, "w"), (1.2, "k")):
