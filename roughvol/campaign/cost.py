@@ -104,8 +104,8 @@ def flow_elements(case: Case, shape: Shape) -> int:
 
 def disk_of(case: Case, shape: Shape) -> float:
     """Return an upper bound of the bytes in the file of a case; compressed fields take less."""
-    steps = FILE_BYTES + STEP_BYTES * case.sweep.steps
-    return steps + 8 * math.prod(shape) * requests.fields_of(case.record)
+    fields = 8 * math.prod(shape) * requests.fields_of(case.record)
+    return FILE_BYTES + STEP_BYTES * case.sweep.steps + fields
 
 
 def check_fits(

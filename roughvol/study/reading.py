@@ -6,11 +6,10 @@ broken rules across sections. All problems are sorted by line.
 
 from __future__ import annotations
 
-import functools
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -258,7 +257,10 @@ def set_key(data: dict[str, Any], marks: dict[KeyPath, tuple[int, int]], change:
         section = tuple(key for key in keys[:-1] if isinstance(key, str))
         known = names(*models_of(Study).get(section, ()))
         if value is None and keys[-1] in known and not change.rstrip().endswith("="):
-            del functools.reduce(lambda held, key: held[key], keys[:-1], cast(Any, data))[keys[-1]]
+            held: Any = data
+            for key in keys[:-1]:
+                held = held[key]
+            del held[keys[-1]]
     except ValueError as error:
         raise StudyError([Problem(str(error), key_text(keys), file=SET)]) from error
     for path in [path for path in marks if path[: len(keys)] == keys]:

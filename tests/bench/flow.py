@@ -95,8 +95,9 @@ def levels(m: int) -> None:
     followed(found[:1], 1e-4)  # loads compiled code
     taken: dict[int, list[float]] = {size: [] for size in sizes}
     for _ in range(5):
-        for multigrid.DIRECT in sizes:
-            taken[multigrid.DIRECT].append(timed(lambda: followed(found, 1e-4))[1])
+        for size in sizes:
+            multigrid.DIRECT = size
+            taken[size].append(timed(lambda: followed(found, 1e-4))[1])
     multigrid.DIRECT = kept
     print(", ".join(f"{size}: {np.median(seconds):.3f} s" for size, seconds in taken.items()))
 
