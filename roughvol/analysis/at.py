@@ -202,7 +202,8 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     recorded, steps = _label(run, group, level, leg), group["step"].values[on_leg]
     own = _recorded(group, level, recorded, steps)
     flows = {} if level.kind == "last" else leak.recorded(group, recorded, steps)
-    shut, ends = leak.closed(part), _closing_loads(group, level, leg)
+    shut, crossings = leak.closed(part), _crossings(group, leg)
+    beyond_closing = leg == 1 and level.kind in ("pressure", "load")
     reached, places, beyond, alone = list[int](), list[float](), list[int](), list[int]()
     for k, scale in enumerate(scales(run, group)):
         values, value, near = _path(run, part, k, level, scale, reach)
@@ -216,6 +217,8 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
             place: float | None = float(solved[-1])
         elif own or (place := _defined(run, level, leg, scale, solved.tolist(), turn)) is None:
             place = place_of(values, value, near, between=level.kind != "step")
+        if place is None and level.kind.startswith(LEAK):
+            place = _beside_closed(run, part, k, level, crossings[k])
         first = values[solved[0]]
         if place is None and is_recorded and (value > first if STATE_KINDS[level.kind].falls else value < first):
             place = float(solved[0])
@@ -225,13 +228,13 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
             places.append(place + offset)
         elif _is_stored(level):
             farther = value < values[solved].min() if STATE_KINDS[level.kind].falls else value > values[solved].max()
-            shut[k] = (shut[k] & farther) | (ends[k] <= value * (1.0 + REACHED))
+            shut[k] = (shut[k] & farther) | (beyond_closing & (crossings[k] <= value * (1.0 + REACHED)))
             beyond += [k] if shut[k].any() else []
     if not reached and not beyond:
         return None
     data = between(group, reached + beyond, [*places, *[float(offset)] * len(beyond)])
-    if SOLVED in group and (leg == 1 or "plastic_volume" not in group):  # elastic contact closes and opens at one load
-        _close_where_solved(data, group, reached, places, own)
+    if np.isfinite(crossings).any():
+        _close_where_solved(data, group, reached, places, own, crossings[reached])
     _empty(data, group, alone)
     _take(data, own, group, reached, places)
     for name, values in flows.items():
@@ -245,11 +248,11 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     return State(label, data, group.sizes["seed"], len(beyond), recorded, apart)
 
 
-def _closing_loads(group: Dataset, level: Level, leg: int) -> Array:
-    """Return the solved closing loads p* of surfaces along both axes; infinite without, and where no load is given."""
-    if SOLVED not in group or leg > 1 or level.kind not in ("pressure", "load"):
-        return np.full((group.sizes["seed"], len(AXES)), math.inf)
-    return np.nan_to_num(group[SOLVED].transpose("seed", "axis").values, nan=math.inf)
+def _crossings(group: Dataset, leg: int) -> Array:
+    """Return the solved loads p* at which ways of a leg close or open, shape (surfaces, axes); NaN without."""
+    if SOLVED not in group or (leg > 1 and "plastic_volume" in group):  # elastic contact closes and opens at one load
+        return np.full((group.sizes["seed"], len(AXES)), math.nan)
+    return group[SOLVED].transpose("seed", "axis").values
 
 
 def _around(group: Dataset, name: str, reached: list[int], places: list[float]) -> tuple[Array, Array]:
@@ -271,7 +274,12 @@ def _apart(group: Dataset, reached: list[int], places: list[float]) -> float:
 
 
 def _close_where_solved(
-    data: Dataset, group: Dataset, reached: list[int], places: list[float], own: Mapping[str, Array]
+    data: Dataset,
+    group: Dataset,
+    reached: list[int],
+    places: list[float],
+    own: Mapping[str, Array],
+    closes: Array,
 ) -> None:
     """Let the flow and the opening of ways that close between two steps fall to 0 at their solved closing load.
 
@@ -281,7 +289,6 @@ def _close_where_solved(
     load = data[P].values[:count]
     if P in own:
         load = np.where(np.isfinite(own[P][reached]), own[P][reached], load)
-    closes = group[SOLVED].transpose("seed", "axis").values[reached]
     ends = [end[:, np.newaxis] for end in _around(group, P, reached, places)]
     lifted = (*leak.LIFTED, "open") if leak.is_lifted(data) else ()  # the fluid may keep these open
     names = [str(name) for name, variable in data.data_vars.items() if variable.dims == ("seed", "axis")]
@@ -345,7 +352,8 @@ def _path(
         solved = np.isfinite(part[P].transpose("seed", "step").values[k])
         return np.where(solved, part["step"].values.astype(float), np.nan), float(level.value or 0.0), 0.0
     if level.kind.startswith(LEAK):
-        values, value = _leak(run, part, k, level)
+        rates, value = _leak(run, part, k, level)
+        values = rates.max(axis=0)
         reach += values[np.isfinite(values)].tolist()
         return np.log(np.where(values > 0.0, values, np.nan)), math.log(value), REACHED
     assert level.value is not None
@@ -405,10 +413,9 @@ def _close(data: Dataset, reached: int, shut: Array) -> None:
 
 
 def _leak(run: Run, part: Dataset, k: int, level: Level) -> tuple[Array, float]:
-    """Return the leak rate at each step (without an axis the larger) and at the level, in the unit of the level."""
+    """Return the leak rates (axes of the level, steps) of a surface and that of the level, in the unit of the level."""
     assert level.value is not None
     unit = level.value.unit if isinstance(level.value, Quantity) else ""
-    axes = list(level.kind.removeprefix(LEAK).strip("_") or AXES)
     if leak.is_lifted(part):
         message = (
             f"{run.name} has its leak under fluid pressure at recorded states alone: a state of {level.kind} is not "
@@ -417,8 +424,28 @@ def _leak(run: Run, part: Dataset, k: int, level: Level) -> tuple[Array, float]:
         raise DatasetError(message)
     if LEAK not in part:
         raise DatasetError(f"{run.name} has no {LEAK}: add record.dimensional.leak_rate to its study")
-    rates = part[LEAK].isel(seed=k).sel(axis=axes).max("axis", skipna=False)
+    rates = part[LEAK].isel(seed=k).sel(axis=_axes(level)).transpose("axis", "step")
     return rates.values * convert(1.0, str(part[LEAK].attrs["units"]), unit), float(level.value)
+
+
+def _axes(level: Level) -> list[str]:
+    """Return the axes of a leak rate, of which the largest counts."""
+    return list(level.kind.removeprefix(LEAK).strip("_") or AXES)
+
+
+def _beside_closed(run: Run, part: Dataset, k: int, level: Level, crossing: Array) -> float | None:
+    """Return the first place of a leak rate between an open and a closed step, on the straight line to 0; else None."""
+    rates, value = _leak(run, part, k, level)
+    loads, largest = part[P].transpose("seed", "step").values[k], rates.max(axis=0)
+    ends = crossing[[AXES.index(axis) for axis in _axes(level)]]
+    for before, after in itertools.pairwise(np.flatnonzero(np.isfinite(largest)).tolist()):
+        low, high = sorted((before, after), key=lambda step: largest[step])
+        if largest[low] == 0.0 and largest[high] > value:
+            above = rates[:, high] > value
+            shares = (ends - loads[high]) / (loads[low] - loads[high])  # of the way to the closed step
+            to_0 = np.where(np.isfinite(shares), np.clip(shares, 0.0, 1.0), 1.0)[above]
+            return float(high + (to_0 * (1.0 - value / rates[above, high])).max() * (low - high))
+    return None
 
 
 def _recorded(group: Dataset, level: Level, label: str, steps: Array) -> dict[str, Array]:

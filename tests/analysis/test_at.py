@@ -394,3 +394,21 @@ def test_a_listed_load_of_a_later_leg_is_the_step_solved_for_it(tmp_path: Path) 
 )
 def test_few_digits_need_no_power(value: float, digits: int, text: str) -> None:
     assert number(value, digits) == text
+
+
+@pytest.mark.parametrize("closing", [False, True])
+def test_a_leak_is_reached_on_the_way_to_0(closing: bool, tmp_path: Path) -> None:
+    """Between the last open step and the closing, by a load or by the leak that this load has."""
+    text = SEAL.replace(
+        "{steps: 10, to: percolation}", "[{steps: 7, to: {pressure: 0.4 MPa}}, {steps: 3, to: {pressure: 0.02 MPa}}]"
+    )
+    text = text.replace("percolation: every-step", f"percolation: every-step, closing: {str(closing).lower()}")
+    ds = roughvol.run(loads(text.replace("seeds: 5", "seeds: 1")), out=tmp_path, jobs=1)
+    rates = ds.leak_rate.sel(axis="x").squeeze().values
+    for step in np.flatnonzero((rates[:-1] > 0.0) != (rates[1:] > 0.0)):
+        leg, smaller = int(ds.leg[step + 1]), max(rates[step], rates[step + 1]) * np.array([0.9, 0.1])
+        for rate in smaller:
+            found = ds.roughvol.at(f"leak_rate_x={rate} mm^3/s, leg {leg}")
+            assert_allclose(found.leak_rate.sel(axis="x"), rate, rtol=1e-9)
+            again = ds.roughvol.at(f"pressure={found.nominal_pressure.item()} MPa, leg {leg}")
+            assert_allclose(again.leak_rate, found.leak_rate, rtol=1e-9)
