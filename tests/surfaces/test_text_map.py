@@ -61,6 +61,8 @@ REFUSED: dict[str, tuple[Content, str]] = {
         rows(np.vstack([np.r_[np.nan, Y[:5]], np.column_stack([X[::5], HEIGHTS])]), ";", ""),
         "first line and the first column look like coordinates",
     ),
+    "numbered.csv": (rows(np.column_stack([np.arange(6), HEIGHTS]), ";"), "the first column only counts: delete it"),
+    "named.csv": (rows(np.vstack([np.arange(1, 6), HEIGHTS]), ";"), "the first line only counts: delete it"),
     "size.txt": ("# Scan size: 8 um\n" + TURNED, f"{UNKNOWN}'# Scan size: 8 um'.*header: ignore"),
     "lateral.txt": ("# lateral unit um\n" + TURNED, UNKNOWN),
     "pixel.txt": ("# pixel size = 0.5\n" + TURNED, UNKNOWN),

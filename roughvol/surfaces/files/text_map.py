@@ -277,10 +277,14 @@ def _refuse_coordinates(path: Path, numbers: Array) -> None:
                 f"give columns x y z alone; {INSIST}"
             )
             raise SurfaceError(message)
-    edges = min(rows, columns) >= 4 and _even(numbers[0, 1:]) and _even(numbers[1:, 0])
-    if edges and not all(_even(row) for row in numbers[1:, 1:]):
+    if min(rows, columns) < 4 or all(_even(row) for row in numbers[1:, 1:]):
+        return
+    if _even(numbers[0, 1:]) and _even(numbers[1:, 0]):
         message = f"{path}: the first line and the first column look like coordinates: delete them and give L; {INSIST}"
         raise SurfaceError(message)
+    for name, edge in (("line", numbers[0]), ("column", numbers[:, 0])):
+        if edge[0] in (0.0, 1.0) and np.array_equal(edge, edge[0] + np.arange(edge.size)):
+            raise SurfaceError(f"{path}: the first {name} only counts: delete it; {INSIST}")
 
 
 def _even(values: Array) -> bool:
