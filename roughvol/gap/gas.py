@@ -21,8 +21,6 @@ throughput at the last pressures over its drop of s. A fixed point has the exact
 """
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +29,7 @@ from roughvol.errors import ContactError, ConvergenceError
 from roughvol.gap.clusters import check_gap, spanned
 from roughvol.gap.compiled import compiled
 from roughvol.gap.constriction import constriction
-from roughvol.gap.network import ACCURACY, flow_through, harmonic
+from roughvol.gap.network import ACCURACY, flow_through
 from roughvol.typing import Array
 
 LAWS = ("kinetic", "slip", "viscous")
@@ -48,6 +46,7 @@ PIECES = (
     (0.13852, 1.25087, 0.15653, -0.00969),
     (1.0 / 6.0, 1.0162, 1.0653, -2.1354),
 )
+AT_FREE = PIECES[0][0] * FREE + PIECES[0][1] + PIECES[0][2] / FREE + PIECES[0][3] / FREE**2  # Q there
 VACUUM = 1e-12  # least pressure of an element: conductances for s stay finite at an outlet without gas
 NEAR = 0.02  # relative difference of two pressures, below which their mean conductance is a quadrature
 
@@ -66,69 +65,131 @@ class GasFlow(NamedTuple):
     turns: int
 
 
-def kinetic_flow_rate(inverse_knudsen: Array) -> Array:
-    """Return Q(D), the flow rate between plane plates by kinetic theory, for D = √π g/(2 λ) > 0."""
-    D = np.asarray(inverse_knudsen, dtype=float)
-    return _rates(D.ravel()).reshape(D.shape)
+class Law(NamedTuple):
+    """A law of the table above: kinetic or not, the mean free path λ, 6 λ in slip flow, and β of s."""
+
+    kinetic: bool
+    path: float
+    slip: float
+    beta: float
 
 
-def kinetic_integral(inverse_knudsen: Array) -> Array:
-    """Return ∫ Q dD from 0 to D ≥ 0."""
-    D = np.asarray(inverse_knudsen, dtype=float)
-    return _integrals(D.ravel()).reshape(D.shape)
+def _law(name: str, path: float) -> Law:
+    slip = SLIP * path
+    return Law(
+        name == "kinetic", path, *{"viscous": (0.0, 0.0), "slip": (slip, slip), "kinetic": (0.0, 1.5 * slip)}[name]
+    )
+
+
+def local_flow(law: str, gap: float, pressure: float, path: float) -> float:
+    """Return f(g, p) [length³] of the table above; the path is λ at the inlet."""
+    return _local(_law(law, path), gap, pressure)
+
+
+def plate_flow(law: str, gap: float, inlet: float, outlet: float, path: float) -> float:
+    """Return ∫ f(g, p) dp from the outlet to the inlet: the throughput of plates per width over length, times 12 μ."""
+    return _integral(_law(law, path), gap, inlet, outlet)
 
 
 @compiled
-def _rates(D: Array) -> Array:
-    """Return Q of each D."""
-    rate = np.empty(D.size)
-    for k in range(D.size):
-        x, piece = max(D[k], FREE), 0
-        while piece + 1 < len(STARTS) and x >= STARTS[piece + 1]:
-            piece += 1
-        a, b, c, d = PIECES[piece]
-        rate[k] = a * x + b + c / x + d / x**2
-        if D[k] < FREE:
-            rate[k] -= math.log(D[k] / FREE) / math.sqrt(math.pi)
+def kinetic_flow_rate(D: float) -> float:
+    """Return Q(D), the flow rate between plane plates by kinetic theory, for D = √π g/(2 λ) > 0."""
+    x, piece = max(D, FREE), 0
+    while piece + 1 < len(STARTS) and x >= STARTS[piece + 1]:
+        piece += 1
+    a, b, c, d = PIECES[piece]
+    rate = a * x + b + c / x + d / x**2
+    if D < FREE:
+        rate -= math.log(D / FREE) / math.sqrt(math.pi)
     return rate
 
 
 @compiled
-def _integrals(D: Array) -> Array:
-    """Return ∫ Q dD up to each D."""
-    total = np.zeros(D.size)
-    a, b, c, d = PIECES[0]
-    free = a * FREE + b + c / FREE + d / FREE**2
-    for k in range(D.size):
-        low = min(D[k], FREE)
-        if low > 0.0:
-            total[k] = low * (free + (1.0 - math.log(low / FREE)) / math.sqrt(math.pi))
-        for piece in range(len(STARTS)):
-            start, end = STARTS[piece], STARTS[piece + 1] if piece + 1 < len(STARTS) else np.inf
-            if D[k] > start:
-                a, b, c, d = PIECES[piece]
-                x = min(D[k], end)
-                total[k] += 0.5 * a * (x**2 - start**2) + b * (x - start)
-                total[k] += c * math.log(x / start) - d * (1.0 / x - 1.0 / start)
+def kinetic_integral(D: float) -> float:
+    """Return ∫ Q dD from 0 to D ≥ 0."""
+    if D <= FREE:
+        return D * (AT_FREE + (1.0 - math.log(D / FREE)) / math.sqrt(math.pi)) if D > 0.0 else 0.0
+    total = FREE * (AT_FREE + 1.0 / math.sqrt(math.pi))
+    for piece in range(len(STARTS)):
+        start, (a, b, c, d) = STARTS[piece], PIECES[piece]
+        x = min(D, STARTS[piece + 1]) if piece + 1 < len(STARTS) else D
+        if start < x:
+            total += (x - start) * (0.5 * a * (x + start) + b + d / (x * start)) + c * math.log(x / start)
     return total
 
 
-def local_flow(law: str, gap: Array | float, pressure: Array | float, path: float) -> Array:
-    """Return f(g, p) [length³] of the table above; the path is λ at the inlet."""
-    if law == "kinetic":
-        D = np.asarray(0.5 * math.sqrt(math.pi) / path * gap * pressure)
-        return np.asarray(12.0 * path / math.sqrt(math.pi) * gap**2 * kinetic_flow_rate(np.maximum(D, 1e-300)))
-    return np.asarray(gap**3 * pressure + (SLIP * path if law == "slip" else 0.0) * gap**2)
+@compiled
+def _local(law: Law, g: float, p: float) -> float:
+    """Return f(g, p)."""
+    if law.kinetic:
+        D = max(0.5 * math.sqrt(math.pi) / law.path * g * p, 1e-300)
+        return 12.0 * law.path / math.sqrt(math.pi) * g**2 * kinetic_flow_rate(D)
+    return g**3 * p + law.slip * g**2
 
 
-def plate_flow(law: str, gap: Array | float, inlet: Array | float, outlet: Array | float, path: float) -> Array:
-    """Return ∫ f(g, p) dp from the outlet to the inlet: the throughput of plates per width over length, times 12 μ."""
-    if law == "kinetic":
-        per = np.asarray(0.5 * math.sqrt(math.pi) / path * gap)
-        difference = kinetic_integral(per * inlet) - kinetic_integral(per * outlet)
-        return np.asarray(24.0 * path**2 / math.pi * gap * difference)
-    slip = SLIP * path if law == "slip" else 0.0
-    return np.asarray((inlet - outlet) * (0.5 * gap**3 * (inlet + outlet) + slip * gap**2))
+@compiled
+def _integral(law: Law, g: float, high: float, low: float) -> float:
+    """Return ∫ f dp from a low to a high pressure."""
+    if law.kinetic:
+        per = 0.5 * math.sqrt(math.pi) / law.path * g
+        return 24.0 * law.path**2 / math.pi * g * (kinetic_integral(per * high) - kinetic_integral(per * low))
+    return (high - low) * (0.5 * g**3 * (high + low) + law.slip * g**2)
+
+
+@compiled
+def _mean(law: Law, g: float, one: float, other: float) -> float:
+    """Return the mean of f over the pressures between two."""
+    high, low = max(one, other), min(one, other)
+    if not law.kinetic:
+        return 0.5 * g**3 * (high + low) + law.slip * g**2
+    if high - low > NEAR * high:
+        return _integral(law, g, high, low) / (high - low)
+    centre, half = 0.5 * (high + low), 0.5 * (high - low) * math.sqrt(0.6)  # Gauss, three points
+    ends = _local(law, g, centre - half) + _local(law, g, centre + half)
+    return (5.0 * ends + 8.0 * _local(law, g, centre)) / 18.0
+
+
+@compiled
+def _inner(law: Law, p: Array, beside: Array, gap: Array, gap_beside: Array, faces: Array) -> Array:
+    """Return conductances for s of the faces between elements and those beside them; `faces` get their pressures."""
+    through = np.zeros(p.shape)
+    for i in range(p.shape[0]):
+        for j in range(p.shape[1]):
+            g, h, one, other = gap[i, j], gap_beside[i, j], p[i, j], beside[i, j]
+            if g > 0.0 and h > 0.0:
+                front, back = _mean(law, g, one, faces[i, j]), _mean(law, h, other, faces[i, j])
+                faces[i, j] = (front * one + back * other) / (front + back)
+                front, back = _mean(law, g, one, faces[i, j]), _mean(law, h, other, faces[i, j])
+                through[i, j] = _in_window(law, 2.0 * front * back / (front + back), one, other, WINDOW)
+    return through
+
+
+@compiled
+def _outer(law: Law, p: Array, reservoir: float, gap: Array) -> Array:
+    """Return conductances for s between elements and the reservoir beside them."""
+    through = np.zeros(p.size)
+    for j in range(p.size):
+        if gap[j] > 0.0:
+            flow = 2.0 * _mean(law, gap[j], reservoir, p[j])
+            through[j] = _in_window(law, flow, reservoir, p[j], 2.0 * WINDOW)
+    return through
+
+
+@compiled
+def _in_window(law: Law, flow: float, one: float, other: float, most: float) -> float:
+    """Return the conductance for s of a flow between two pressures."""
+    return min(max(flow / max(0.5 * (one + other) + law.beta, 1e-300), 1.0 / WINDOW), most)
+
+
+@compiled
+def _over_critical(law: Law, wide: Array, pressure: float) -> Array:
+    """Return f of gaps over that of a gap of 1."""
+    share, critical = np.zeros(wide.shape), _local(law, 1.0, pressure)
+    for i in range(wide.shape[0]):
+        for j in range(wide.shape[1]):
+            if wide[i, j] > 0.0:
+                share[i, j] = _local(law, wide[i, j], pressure) / critical
+    return share
 
 
 def conduction_of_gas(
@@ -148,104 +209,53 @@ def conduction_of_gas(
         return GasFlow(0.0, 0.0, math.inf, 0.0, 0)
     along, free = (gap if axis == 0 else np.ascontiguousarray(gap.T)), path / critical
     wide = np.minimum(along / critical, math.sqrt(WINDOW))  # in free molecular flow g² counts
-    middle = 0.5 * (1.0 + outlet)
-    at_critical = float(local_flow(law, 1.0, middle, free))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(wide > 0.0, local_flow(law, wide, middle, free), 0.0) / at_critical
-    flowing = spanned(share >= 1.0 / WINDOW, periodic)
-    problem = _Turn(law, free, outlet)
-    throughput, error, unequal, turns = _iterated(np.where(flowing, wide, 0.0), problem, periodic, accuracy)
+    middle, of_law = 0.5 * (1.0 + outlet), _law(law, free)
+    flowing = spanned(_over_critical(of_law, wide, middle) >= 1.0 / WINDOW, periodic)
+    throughput, error, unequal, turns = _iterated(np.where(flowing, wide, 0.0), of_law, outlet, periodic, accuracy)
     (rows, columns), largest = along.shape, float(gap.max())
     mean = largest / critical * float(np.mean(gap / largest))
     plates = mean**3 * 0.5 * (1.0 - outlet**2) * columns / rows
     return GasFlow(throughput / plates, error, free / middle, unequal, turns)
 
 
-@dataclass(frozen=True)
-class _Turn:
-    """The linear problem of a turn: s of pressures, and conductances for s, (conductance, pressure) of faces."""
-
-    law: str
-    path: float
-    outlet: float
-
-    @cached_property
-    def slip(self) -> float:
-        """β of s = p²/2 + β p."""
-        return {"viscous": 0.0, "slip": SLIP, "kinetic": 1.5 * SLIP}[self.law] * self.path
-
-    @cached_property
-    def drop(self) -> float:
-        """The drop of s from inlet to outlet."""
-        return 0.5 + self.slip - self._at_outlet
-
-    @cached_property
-    def _at_outlet(self) -> float:
-        return self.outlet * (0.5 * self.outlet + self.slip)
-
-    def pressure_of(self, share: Array) -> Array:
-        """Return p of s, as a share of its drop: 0 at the outlet, 1 at the inlet."""
-        s = self._at_outlet + self.drop * np.clip(share, 0.0, 1.0)
-        root = self.slip + np.sqrt(self.slip**2 + 2.0 * s)
-        return np.maximum(np.divide(2.0 * s, root, out=np.zeros_like(s), where=root > 0.0), VACUUM)
-
-    def mean(self, g: Array, first: Array, second: Array) -> Array:
-        """Return the mean of f over the pressures between two."""
-        if self.law != "kinetic":
-            return 0.5 * g**3 * (first + second) + self.slip * g**2
-        high, low = np.maximum(first, second), np.minimum(first, second)
-        far = (g > 0.0) & (high - low > NEAR * high)
-        close = (g > 0.0) & ~far
-        mean = np.zeros_like(g)
-        mean[far] = plate_flow(self.law, g[far], high[far], low[far], self.path) / (high[far] - low[far])
-        centre, half = 0.5 * (high[close] + low[close]), 0.5 * (high[close] - low[close])
-        points = ((5 / 18, -math.sqrt(0.6)), (8 / 18, 0.0), (5 / 18, math.sqrt(0.6)))  # Gauss
-        mean[close] = sum(
-            weight * local_flow(self.law, g[close], np.maximum(centre + half * at, 1e-300), self.path)
-            for weight, at in points
-        )
-        return mean
-
-    def inner(self, p: Array, faces: Array, gaps: tuple[Array, Array]) -> tuple[Array, Array]:
-        """Return conductances and pressures of the faces between two elements of pressures `p`, from those of faces."""
-        front, back = self.mean(gaps[0], p[0], faces), self.mean(gaps[1], p[1], faces)
-        total = front + back
-        faces = np.divide(front * p[0] + back * p[1], total, out=0.5 * (p[0] + p[1]), where=total > 0.0)
-        front, back = self.mean(gaps[0], p[0], faces), self.mean(gaps[1], p[1], faces)
-        return self._in_window(harmonic(front, back), 0.5 * (p[0] + p[1]), WINDOW), faces
-
-    def outer(self, p: Array, reservoir: float, gap: Array) -> Array:
-        """Return conductances between elements and the reservoir beside them."""
-        ends = np.full(p.size, reservoir)
-        return self._in_window(2.0 * self.mean(gap, ends, p), 0.5 * (ends + p), 2.0 * WINDOW)
-
-    def _in_window(self, flow: Array, mean: Array, most: float) -> Array:
-        """Return the conductance for s of a flow at a mean pressure."""
-        through = flow / np.maximum(mean + self.slip, 1e-300)
-        return np.clip(through, np.where(through > 0.0, 1.0 / WINDOW, 0.0), most)
-
-
-def _iterated(gap: Array, problem: _Turn, periodic: bool, accuracy: float) -> tuple[float, float, float, int]:
+def _iterated(gap: Array, law: Law, outlet: float, periodic: bool, accuracy: float) -> tuple[float, float, float, int]:
     """Return the throughput along axis 0 times 12 μ, both errors, and iterations; lengths are over the constriction."""
     rows = gap.shape[0]
     share = np.repeat((1.0 - (np.arange(rows) + 0.5) / rows)[:, None], gap.shape[1], axis=1)
-    beside = np.roll(gap, -1, axis=1)
-    p = problem.pressure_of(share)
-    down_faces, across_faces = 0.5 * (p[:-1] + p[1:]), 0.5 * (p + np.roll(p, -1, axis=1))
+    gap_beside, s_outlet = np.roll(gap, -1, axis=1), outlet * (0.5 * outlet + law.beta)
+    drop = 0.5 + law.beta - s_outlet
+    p = _pressures(law, share, s_outlet, drop)
+    beside = np.roll(p, -1, axis=1)
+    down_faces, across_faces = 0.5 * (p[:-1] + p[1:]), 0.5 * (p + beside)
     before = change = math.nan
     for turn in range(1, TURNS + 1):
-        inner, down_faces = problem.inner(np.stack([p[:-1], p[1:]]), down_faces, (gap[:-1], gap[1:]))
-        across, across_faces = problem.inner(np.stack([p, np.roll(p, -1, axis=1)]), across_faces, (gap, beside))
+        down = np.empty((rows + 1, gap.shape[1]))
+        down[0], down[-1] = _outer(law, p[0], 1.0, gap[0]), _outer(law, p[-1], outlet, gap[-1])
+        down[1:-1] = _inner(law, p[:-1], p[1:], gap[:-1], gap[1:], down_faces)
+        across = _inner(law, p, beside, gap, gap_beside, across_faces)
         if not periodic:
             across[:, -1] = 0.0
-        outer = [problem.outer(p[line], end, gap[line]) for line, end in ((0, 1.0), (-1, problem.outlet))]
-        flow = flow_through(np.vstack([outer[0], inner, outer[1]]), across, INNER * accuracy, share)
+        flow = flow_through(down, across, INNER * accuracy, share)
         change, last = abs(flow.dissipation / before - 1.0), change
         error = CAUTION * np.fmax(change, LAST * last) + flow.error  # a change may be small by chance
         if change <= LAST * accuracy and error <= accuracy:
             unequal = max(abs(float(flow.down[line].sum()) - flow.dissipation) for line in (0, -1))
-            return flow.dissipation * problem.drop, float(error), unequal / flow.dissipation, turn
+            return flow.dissipation * drop, float(error), unequal / flow.dissipation, turn
         before, share = flow.dissipation, flow.pressure
-        p = problem.pressure_of(np.where(gap > 0.0, share, 0.5))
+        p = _pressures(law, np.where(gap > 0.0, share, 0.5), s_outlet, drop)
+        beside = np.roll(p, -1, axis=1)
     message = f"the flow of the gas still changes after {TURNS} iterations"
     raise ConvergenceError(message, indentation=math.nan, iterations=TURNS, residual=math.nan)
+
+
+@compiled
+def _pressures(law: Law, share: Array, s_outlet: float, drop: float) -> Array:
+    """Return p of s, as a share of its drop: 0 at the outlet, 1 at the inlet."""
+    pressure = np.full(share.shape, VACUUM)
+    for i in range(share.shape[0]):
+        for j in range(share.shape[1]):
+            s = s_outlet + drop * min(max(share[i, j], 0.0), 1.0)
+            root = law.beta + math.sqrt(law.beta**2 + 2.0 * s)
+            if root > 0.0:
+                pressure[i, j] = max(2.0 * s / root, VACUUM)
+    return pressure

@@ -3,6 +3,7 @@
 python -m tests.bench.flow states 9        16 states of D = 2.2 to A* = 0.15: contact against flows, x and y
 python -m tests.bench.flow direct 9        one flow in light and heavy contact: by gradients against factorised
 python -m tests.bench.flow levels 6        16 states by the size up to which grids and levels are factorised
+python -m tests.bench.flow gas 9           flows of a gas over those of a liquid, four states, three laws
 python -m tests.bench.flow peer 512        one flow against reynoldsflow, errors against the flow to 1e-11
 python -m tests.bench.flow large 12 0.1    memory and time of one flow through the gap over a cut surface
 python -m tests.bench.flow card 10         the leak card of a mirrored map of D = 2.2, and its run on the finest grid
@@ -11,6 +12,7 @@ python -m tests.bench.flow fewer 7         leaks read between fewer of 60 states
 
 from __future__ import annotations
 
+import itertools
 import resource
 import sys
 import tempfile
@@ -27,6 +29,8 @@ import roughvol
 from roughvol.campaign.workers import in_this_process
 from roughvol.contact import HalfSpace, sweep
 from roughvol.gap import multigrid
+from roughvol.gap.constriction import constriction
+from roughvol.gap.gas import LAWS, GasFlow, conduction_of_gas
 from roughvol.gap.transport import Conduction, conduction
 from roughvol.surfaces import random_midpoint_displacement
 
@@ -100,6 +104,26 @@ def levels(m: int) -> None:
             taken[size].append(timed(lambda: followed(found, 1e-4))[1])
     multigrid.DIRECT = kept
     print(", ".join(f"{size}: {np.median(seconds):.3f} s" for size, seconds in taken.items()))
+
+
+def gas(m: int) -> None:
+    """Print seconds of flows of a gas along x to 1e-4, from 1 bar to vacuum, over those of a liquid."""
+    found = gaps(m)[3::4]
+    followed(found[:1], 1e-4)  # loads compiled code
+    seconds = [timed(lambda gap=gap: conduction(gap, 0))[1] for gap in found]
+    print(f"liquid: {np.mean(seconds):.3f} s a flow")
+    for law, path in itertools.product(LAWS, (0.1, 10.0)):
+
+        def flow(gap: np.ndarray, law: str = law, path: float = path) -> GasFlow:
+            return conduction_of_gas(gap, 0, law, path * constriction(gap, 0).gap, 0.0)
+
+        flow(found[0])
+        flows = [timed(lambda gap=gap: flow(gap)) for gap in found]
+        turns = [of.turns for of, _ in flows]
+        over = np.mean([taken for _, taken in flows]) / np.mean(seconds)
+        print(
+            f"{law}, mean free path {path:g} of the constriction: {over:.1f} times, {min(turns)} to {max(turns)} turns"
+        )
 
 
 def peer(n: int) -> None:
@@ -194,5 +218,13 @@ if __name__ == "__main__":
         if what == "large":
             large(int(numbers[0]), float(numbers[1]))
         else:
-            of = {"states": states, "direct": direct, "levels": levels, "peer": peer, "card": card, "fewer": fewer}
+            of = {
+                "states": states,
+                "direct": direct,
+                "levels": levels,
+                "gas": gas,
+                "peer": peer,
+                "card": card,
+                "fewer": fewer,
+            }
             of[what](int(numbers[0]))
