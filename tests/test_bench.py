@@ -24,6 +24,7 @@ SMALL_RUNS = (  # in make test-slow
     "cost_rule 4 6",
     "flow direct 4",
     "flow gas 4",
+    "flow lifted 4",
     "flow large 4 0.1",
     "flow states 4",
     "inverse --m 5 --D 2.5",

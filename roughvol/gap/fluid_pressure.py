@@ -29,7 +29,6 @@ MOST = 1e6  # largest conductance over that of the gap h: the pressure drop in a
 NARROW = 1e-3  # least h over the widest gap
 ACCURACY = 1e-12  # of P, the last correction
 CORRECTIONS = 50
-DIRECT = 2_000_000  # elements that are factorised: digits of P count, not of the flow alone
 
 
 class FluidField:
@@ -55,7 +54,7 @@ class FluidField:
         self._k = np.minimum(cube, MOST) + least
         self._periodic = periodic
         self._down, self._east = faces(self._k, periodic)
-        self._network = Network(between_reservoirs(self._down, self._east), direct=DIRECT)
+        self._network = Network(between_reservoirs(self._down, self._east))
         self._falls = self._solved()
 
     def _solved(self) -> tuple[Array, Array]:

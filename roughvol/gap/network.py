@@ -30,15 +30,15 @@ ROUNDING = 1e-12  # least excess over the dissipation at the start of a solve; t
 SOLVES = 3  # the first solves, the second gives u the digits that P has not, the third takes rounding off
 CAUTION = 3.0  # the smallest Ritz value is above the eigenvalue; with 2 an error of 2000 was 1.007 of the stated one
 TINY = np.finfo(np.float64).tiny
-DIGITS = 1e-26  # of the energy of pressures that are wanted to 12 digits and more
+DIGITS = 1e-12  # of the energy of pressures that are wanted for themselves, six of the pressures
 
 
 class Network:
-    """Elements with conductances, and the pressures that bring the flow into them to 0; `direct` as in `Multigrid`."""
+    """Elements with conductances, and the pressures that bring the flow into them to 0."""
 
-    def __init__(self, conductances: Conductances, direct: int | None = None) -> None:
+    def __init__(self, conductances: Conductances) -> None:
         self._conductances = conductances
-        self._inverse = Multigrid(conductances, direct)
+        self._inverse = Multigrid(conductances)
         self.exact = self._inverse.exact
         self._smallest = 1.0  # eigenvalue of M A that the steps have met
 

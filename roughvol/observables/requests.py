@@ -10,7 +10,7 @@ from roughvol.gap.network import ACCURACY
 from roughvol.observables.variables import AXES, OBSERVABLES, Observable
 from roughvol.study import EVERY_STEP, Case, Level, Record, Select
 
-PASSES = {"full": 8, "one-way": 1}
+PASSES = {"full": 6, "one-way": 1}
 """Solves of a contact under fluid pressure, by the coupling."""
 
 

@@ -4,6 +4,7 @@ python -m tests.bench.flow states 9        16 states of D = 2.2 to A* = 0.15: co
 python -m tests.bench.flow direct 9        one flow in light and heavy contact: by gradients against factorised
 python -m tests.bench.flow levels 6        16 states by the size up to which grids and levels are factorised
 python -m tests.bench.flow gas 9           flows of a gas over those of a liquid, four states, three laws
+python -m tests.bench.flow lifted 9        a contact under fluid pressure: flows by gradients against factorised
 python -m tests.bench.flow peer 512        one flow against reynoldsflow, errors against the flow to 1e-11
 python -m tests.bench.flow large 12 0.1    memory and time of one flow through the gap over a cut surface
 python -m tests.bench.flow card 10         the leak card of a mirrored map of D = 2.2, and its run on the finest grid
@@ -18,6 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,7 @@ from roughvol.gap import multigrid
 from roughvol.gap.constriction import constriction
 from roughvol.gap.gas import LAWS, GasFlow, conduction_of_gas
 from roughvol.gap.transport import Conduction, conduction
+from roughvol.observables.coupling import Coupling
 from roughvol.surfaces import random_midpoint_displacement
 
 STATES, DEEPEST, ACCURACIES = 16, 1.9, (1e-2, 1e-3, 1e-4, 1e-6)
@@ -124,6 +127,20 @@ def gas(m: int) -> None:
         print(
             f"{law}, mean free path {path:g} of the constriction: {over:.1f} times, {min(turns)} to {max(turns)} turns"
         )
+
+
+def lifted(m: int) -> None:
+    """Print seconds of a mirrored contact under 0.3 of its load as fluid pressure, coupled in full."""
+    surface = replace(random_midpoint_displacement(2.2, m, seed=1), sides="mirrored")
+    half_space = HalfSpace(surface.shape, sides="mirrored")
+    *_, state = sweep(surface, half_space, np.linspace(0.0, 1.6, 9)[1:])
+    coupling, kept = Coupling(surface, half_space, 0, 0.3 * state.mean_pressure), multigrid.DIRECT
+    coupling.one_way(state.mean_pressure, state)  # loads compiled code
+    for words, direct in (("gradients", kept), ("factorised", surface.heights.size)):
+        multigrid.DIRECT = direct
+        found, seconds = timed(lambda: coupling.solve(state.mean_pressure, state))
+        print(f"{words}: {seconds:.1f} s, {found.rounds} rounds, V* = {found.gap.mean():.10f}")
+    multigrid.DIRECT = kept
 
 
 def peer(n: int) -> None:
@@ -223,6 +240,7 @@ if __name__ == "__main__":
                 "direct": direct,
                 "levels": levels,
                 "gas": gas,
+                "lifted": lifted,
                 "peer": peer,
                 "card": card,
                 "fewer": fewer,

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from roughvol.gap import multigrid
 from roughvol.gap.fluid_pressure import FluidField, fluid_pressure
-from tests.gap.kit import rough, smooth
+from tests.gap.kit import any_gap, rough, smooth
 
 
 @pytest.mark.parametrize(("axis", "periodic"), [(0, False), (1, False), (1, True)])
@@ -34,3 +35,17 @@ def test_the_pressure_drops_at_a_wall_or_a_constriction(narrow: float) -> None:
     near = 1e-4 if narrow else 1e-5
     np.testing.assert_allclose(pressure[:4], 1.0, atol=near)
     np.testing.assert_allclose(pressure[5:], 0.0, atol=near)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3, 8, 24])
+def test_the_pressure_by_gradients_is_that_of_a_factorisation(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    gap, axis, periodic = any_gap(seed)
+    change = np.where(gap > 0.0, np.random.default_rng(seed).standard_normal(gap.shape), 0.0) * gap.mean()
+    fields = []
+    for direct in (200, gap.size):
+        monkeypatch.setattr(multigrid, "DIRECT", direct)
+        field = FluidField(gap, axis, periodic=periodic)
+        fields.append((field.pressure, field.change(change)))
+    (found, found_change), (exact, exact_change) = fields
+    np.testing.assert_allclose(found, exact, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(found_change, exact_change, rtol=0, atol=2e-3 * np.abs(exact_change).max())
