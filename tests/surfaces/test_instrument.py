@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import random
+import struct
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -77,6 +79,16 @@ def test_a_damaged_file_is_read_or_refused(tmp_path: Path, suffix: str) -> None:
             assert (heights.dtype, heights.ndim) == (np.float64, 2)
             read += 1
     assert read < 25
+
+
+def test_a_library_prints_nothing_about_a_damaged_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(logging.root, "handlers", [])
+    wyko = b"\1\0" + b"Directory".ljust(16, b"\0") + struct.pack("<hlH", 1, 48, 0)
+    wyko += b"RAW_DATA".ljust(16, b"\0") + struct.pack("<hlH", 3, 10**6, 1) + bytes(10**4)
+    refused(put(tmp_path / "scan.opd", wyko), "is damaged, or in none of the formats")
+    assert capsys.readouterr() == ("", "")
 
 
 # In a study

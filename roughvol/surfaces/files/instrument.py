@@ -12,6 +12,7 @@ are 160 m or 160 um. So the length of the axis is that of the study.
 from __future__ import annotations
 
 import contextlib
+import logging
 import warnings
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,7 @@ ARRAYS = ("h5", "mat")  # formats of arrays without meaning
 UNSIZED = "nms"
 HEIGHT = "height"  # kind of a channel
 TEXT = ("asc", "xyz")  # readers of text in the library
+SILENT = logging.NullHandler()  # igor2, which tries every file, logs the bytes of files of other formats
 
 
 def opened(request: Request) -> HeightMap:
@@ -52,6 +54,7 @@ def opened(request: Request) -> HeightMap:
     except ImportError as error:
         raise NotRead(f"{path}: is read through SurfaceTopography, which is not installed: {EXTRA}") from error
     ending = path.suffix.lower().removeprefix(".")
+    logging.getLogger("igor2").addHandler(SILENT)
     with warnings.catch_warnings(), reading(path):
         warnings.simplefilter("ignore")
         try:
