@@ -130,11 +130,10 @@ class ReadOff:
         """Return the read-offs as ``ask --json`` prints them."""
         from roughvol.analysis import read_off
 
-        unit = "" if self.pressure is None else self.run.dataset["nominal_pressure"].attrs["units"]
         return {
             "run": self.run.name,
             "leak_rate": self.leak_rate or None,
-            "at": None if self.pressure is None else f"pressure={self.pressure:.9g} {unit}",
+            "at": None if self.pressure is None else f"pressure={self.pressure:.9g} {self.answers[0].load_unit}",
             "leg": 1,
             "answers": [read_off.record(answer, self.unknown) for answer in self.answers],
             "narrower": self.command() or None,
@@ -204,7 +203,7 @@ def ask(
     results, kelvin = of_one_combination(found.dataset), None
     if read_off.is_throughput(wanted):
         results, kelvin = read_off.of_gas(results, unknown)
-    read_off.check(results, leaks=leak_rate is not None)
+    results = read_off.checked(results, leaks=leak_rate is not None)
     load = None if at is None else read_off.nominal_of(results, level(at))
     largest = math.nan
     if leak_rate is not None:
@@ -231,9 +230,10 @@ def _errors(run: StoredRun, answers: Sequence[Answer], jobs: int | None, *, clos
     """Return the errors of leak cards at the loads of answers, by axis."""
     from roughvol.analysis import read_off
 
-    unit = "" if closed else run.dataset["nominal_pressure"].attrs["units"]
     loads = {
-        answer.axis: "last" if closed or answer.nominal.closing else f"pressure={answer.nominal.value:.4g} {unit}"
+        answer.axis: "last"
+        if closed or answer.nominal.closing
+        else f"pressure={answer.nominal.value:.4g} {answer.load_unit}"
         for answer in answers
         if closed or answer.found
     }
@@ -338,8 +338,7 @@ def creep(
     from roughvol.study import level, load_creep, read_times
 
     found = opened(run, changes)
-    results = of_one_combination(found.dataset)
-    read_off.check(results)
+    results = read_off.checked(of_one_combination(found.dataset))
     load = read_off.nominal_of(results, level(at))
     history = over_time.history(results, load_creep(law), load, read_times(times))
     if not budget:

@@ -27,7 +27,7 @@ from xarray import Dataset
 from roughvol.analysis.average import average
 from roughvol.analysis.leak_card import Card
 from roughvol.analysis.leak_curve import Curve, axes, curves, surfaces
-from roughvol.analysis.read_off import check, errors_of, refuse, seal_words
+from roughvol.analysis.read_off import checked, errors_of, refuse, seal_words
 from roughvol.analysis.tables import Table, number, rounded
 from roughvol.observables.at_state import at_state
 from roughvol.store import stamped_file
@@ -128,7 +128,7 @@ def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float])
     pressure in the gap, or with a contact area that falls. It refuses a law that does not fit the bodies of the study,
     and a time whose state lies beyond the sweep.
     """
-    check(run)
+    run = checked(run)
     if "plastic_volume" in run:
         refuse("the surface yields: the theory of Lee and Radok holds for elastic contact alone")
     if "contact_area_fraction" not in run:

@@ -28,16 +28,21 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
     if "mean_gap" not in ds and {"Sq", V} <= set(ds):
         gap = ds[V] * sigma(ds)
         found["mean_gap"] = gap.assign_attrs(units=ds.attrs.get("length_unit", "length"), symbol="g_mean")
-    nominal = ds.get("nominal_pressure")
-    if nominal is None and {"Sq", P} <= set(ds) and study is not None and study.material.unit:
-        nominal = ds[P] * sigma(ds) * (study.material.contact_modulus / float(ds["L"]))
-        nominal = nominal.assign_attrs(units=study.material.unit, symbol="p")
+    nominal = with_nominal(ds, study).get("nominal_pressure")
     if nominal is not None and P in ds:  # an unloaded surface has p* of rounding
         found["nominal_pressure"] = nominal.where(abs(ds[P]) > ROUNDING, 0.0 * nominal).assign_attrs(nominal.attrs)
     for name in EVIDENCE:  # a record may have them at different steps
         if name in ds and bool(ds[name].notnull().any()):
             found["open"] = found["open"].fillna(is_open(ds[name])) if "open" in found else is_open(ds[name])
     return counted(ds.assign(found))
+
+
+def with_nominal(ds: Dataset, study: Study | None) -> Dataset:
+    """Return a dataset with its nominal pressure: the stored one, or in the unit of the modulus where it has one."""
+    if "nominal_pressure" in ds or not {"Sq", P} <= set(ds) or study is None or not study.material.unit:
+        return ds
+    nominal = ds[P] * sigma(ds) * (study.material.contact_modulus / float(ds["L"]))
+    return ds.assign(nominal_pressure=nominal.assign_attrs(units=study.material.unit, symbol="p"))
 
 
 def _attributes(name: str) -> dict[str, str]:

@@ -26,7 +26,7 @@ from xarray import Dataset
 from roughvol.analysis import closing, leak, leak_curve
 from roughvol.analysis.at import check_load, legs_of
 from roughvol.analysis.closing import Span
-from roughvol.analysis.derived import derived
+from roughvol.analysis.derived import derived, with_nominal
 from roughvol.analysis.leak_card import Card, Part
 from roughvol.analysis.leak_curve import Curve, LoadReading, axes, closings, curves, surfaces
 from roughvol.analysis.stored_run import Run
@@ -138,7 +138,7 @@ def ask(
     are those of cards by axis, which the intervals then have. A `StudyError` refuses an unknown quantity, a missing
     pressure, a surface that yields, and the runs that `check` refuses.
     """
-    check(run)
+    run = checked(run)
     _check_unknown(run, unknown, pressure)
     if unknown == "Sq" and not _liquid(run):
         refuse("the leak is not that of a liquid, and does not go with Sq^3; allowed: for pressure or modulus")
@@ -181,18 +181,18 @@ def ask_closed(
 
     The value is that of the first closed step. Without units the pressure is p*.
     """
-    check(run, leaks=False)
+    run = checked(run, leaks=False)
     _check_unknown(run, unknown, pressure)
-    stored = study_in(run)
-    with_ways = derived(run, stored)
-    if not leak.ways(with_ways):
+    run = derived(run, study_in(run))
+    if not leak.ways(run):
         refuse("the run does not follow its ways: add record.transport: {percolation: every-step} to its study")
-    return [_answer(run, axis, _closing(with_ways, axis, errors), unknown, pressure or 0.0) for axis in axes(run)]
+    return [_answer(run, axis, _closing(run, axis, errors), unknown, pressure or 0.0) for axis in axes(run)]
 
 
-def check(run: Dataset, *, leaks: bool = True) -> None:
-    """Refuse a run whose leak is known at recorded states alone, lacks leak rates, or is of several kinds of surfaces.
+def checked(run: Dataset, *, leaks: bool = True) -> Dataset:
+    """Return a run with its nominal pressures, where its modulus has a unit.
 
+    Refused is a run whose leak is known at recorded states alone, lacks leak rates, or is of several kinds of surfaces.
     Leak rates and pressures are needed with ``leaks`` alone. A run without steps is refused as well.
     """
     if leak.is_lifted(run):
@@ -203,14 +203,18 @@ def check(run: Dataset, *, leaks: bool = True) -> None:
         )
     if "mean_pressure" not in run:
         refuse("the run has no state: nothing was pressed")
-    if leaks and ("leak_rate" not in run or "nominal_pressure" not in run):
-        refuse("the run has no leak rates: record dimensional.pressure and dimensional.leak_rate")
+    if leaks and "leak_rate" not in run:
+        refuse("the run has no leak rates: record dimensional.leak_rate")
     several = [dim for dim in ONE_OF_EACH if run.sizes.get(dim, 1) > 1]
     if several:
         name, study = several[0], study_in(run)
         axis = next((listed for listed in (study.axes if study else ()) if listed.name == name), Axis(name, ()))
         held = ", ".join(axis.words(value).removeprefix(f"{name} = ") for value in run[name].values.tolist())
         refuse(f"the run has several {name} ({held}); allowed: surfaces of one kind at one value of each key")
+    run = with_nominal(run, study_in(run))
+    if leaks and "nominal_pressure" not in run:
+        refuse("the run needs pressures with units: give material a unit, as E: 10 MPa")
+    return run
 
 
 def is_throughput(text: str) -> bool:
@@ -226,7 +230,7 @@ def of_gas(run: Dataset, unknown: str) -> tuple[Dataset, float]:
 
     The leak of a gas depends on p* alone where Sq stays: its mean free path over Sq is then the same.
     """
-    check(run, leaks=False)
+    run = checked(run, leaks=False)
     if "gas_leak_rate" not in run:
         refuse("the run has no leak of a gas: record transport.gas_flow and dimensional.gas_leak_rate")
     if unknown == "Sq":
@@ -245,7 +249,7 @@ def nominal_of(run: Dataset, level: Level) -> float:
     if level.kind not in ("pressure", "load", "last"):
         refuse(f"{level.label}: allowed: a load, as pressure=0.5MPa, load=20N or last")
     if "nominal_pressure" not in run:
-        refuse(f"{level.label}: the run needs pressures with units: record dimensional.pressure")
+        refuse(f"{level.label}: the run needs pressures with units: give material a unit, as E: 10 MPa")
     if level.kind == "pressure" and isinstance(level.value, Quantity):
         return convert(float(level.value), level.value.unit, str(run["nominal_pressure"].attrs["units"]))
     check_load(Run.of("", run).study, level)

@@ -146,6 +146,24 @@ def test_a_closed_joint_without_units_is_asked_for_by_p_star(tmp_path: Path, mon
         assert "either --leak-rate VALUE or --closed" in refused("ask", "plain", *both)
 
 
+def test_pressures_that_no_record_names_are_in_the_unit_of_the_modulus(tmp_path: Path) -> None:
+    text = CLOSES.replace("m: 5, seeds: 4", "m: 4, seeds: 1")
+    named = roughvol.run(loads(text), jobs=1, out=tmp_path / "named")
+    silent = roughvol.run(loads(text.replace("pressure: MPa, ", "")), jobs=1, out=tmp_path / "silent")
+    assert "nominal_pressure" not in silent
+    at = {"unknown": "modulus", "at": "pressure=0.01 MPa"}
+    for wanted in ({}, at, {"leak_rate": "1e-6 mm^3/s"}, {"leak_rate": "1e-6 mm^3/s"} | at):
+        found, expected = (roughvol.ask(ds, **wanted) for ds in (silent, named))
+        assert found.plain() == expected.plain() | {"run": found.run.name, "narrower": found.command() or None}
+        assert all(answer.unit == "MPa" for answer in found.answers)
+    law = {"power": {"exponent": 0.1, "time": "1 s"}}
+    history = [roughvol.creep(ds, law, at="pressure=0.01 MPa", times=["1 s"]).plain() for ds in (silent, named)]
+    assert history[0] == history[1]
+    plain = roughvol.run(loads(text.replace("pressure: MPa, ", "").replace("10 MPa", "10")), jobs=1, out=tmp_path / "p")
+    with pytest.raises(StudyError, match="needs pressures with units: give material a unit"):
+        roughvol.ask(plain, leak_rate="1e-6 mm^3/s")
+
+
 @pytest.mark.parametrize(
     "elsewhere", ["transmissivity: every-step", "diffusivity: every-step", "gas_flow: every-step", ""]
 )
