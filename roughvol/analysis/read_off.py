@@ -168,7 +168,7 @@ def _load_with_errors(curve: Curve, log_wanted: Callable[[Array], Array], errors
     if math.isfinite(most):
         high = curve.load_where(lambda logs: log_wanted(logs) - math.log(most)).high
     if curve.closing.closes:  # a joint that is tight leaks less
-        factor = errors.closing[1] if math.isfinite(errors.closing[1]) else 1.0
+        factor = errors.closing[1] if math.isfinite(errors.closing[1]) else math.inf
         closed = factor * curve.closing.closed_from
         high = max(load.value, closed if high >= curve.closing.closed_from else min(high, closed))
     return LoadReading(load.value, min(low, load.low), high, load.closing)

@@ -146,6 +146,14 @@ def test_a_closed_joint_without_units_is_asked_for_by_p_star(tmp_path: Path, mon
         assert "either --leak-rate VALUE or --closed" in refused("ask", "plain", *both)
 
 
+def test_unknown_errors_leave_no_end_where_a_way_closes(closing: Dataset) -> None:
+    unknown = read_off.Errors((), (np.nan, np.nan), (), (np.nan, np.nan), ())
+    wanted = float(closing.leak_rate.min("axis").isel(step=3).min())
+    for answer in read_off.ask(closing, wanted, "pressure", errors=dict.fromkeys("xy", unknown)):
+        assert 0.0 < answer.value < np.inf
+        assert (answer.low, answer.high) == (0.0, np.inf)
+
+
 def test_pressures_that_no_record_names_are_in_the_unit_of_the_modulus(tmp_path: Path) -> None:
     text = CLOSES.replace("m: 5, seeds: 4", "m: 4, seeds: 1")
     named = roughvol.run(loads(text), jobs=1, out=tmp_path / "named")
