@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import NormalDist
@@ -176,18 +176,21 @@ class _States:
         return float(values.flat[int(np.argmax(np.nan_to_num(self.starred, nan=-1.0)))])
 
 
-def before(given: Setting, target: Level, *, Sq: float, Sdq: float, L: float, peak: float = math.nan) -> list[Finding]:
-    """Return the limits that a study will probably exceed at its last state, with pressures by Persson's theory.
+def before(
+    given: Setting, targets: Sequence[Level], *, Sq: float, Sdq: float, L: float, peak: float = math.nan
+) -> list[Finding]:
+    """Return the limits that a study will probably exceed at its highest load, with pressures by Persson's theory.
 
     Persson (2001): A* = erf(√2 p/(E* Sdq)). At light load the contact pressure over E* has the density
 
         (p/s²) exp(-p²/(2 s²)) with s = Sdq/2, and the mean √(π/2) s = 0.63 Sdq.
 
-    Sq, Sdq and L are those of the roughest surface, unused if ``given.scaled`` is False. ``peak`` is its highest point
-    above the mean plane over Sq.
+    ``targets`` are the ends of the legs. Sq, Sdq and L are those of the roughest surface, unused if ``given.scaled`` is
+    False. ``peak`` is its highest point above the mean plane over Sq.
     """
     scale = 0.5 * Sdq if given.scaled else math.nan
-    end = _end(target, scale, Sq / L) if given.scaled else math.nan
+    ends = [_end(target, scale, Sq / L) for target in targets if given.scaled]
+    end = max((load for load in ends if not math.isnan(load)), default=math.nan)
     shares = None
     if given.hardness is not None and not given.yields and scale > 0.0:
         x = given.hardness / given.modulus / scale
@@ -262,16 +265,16 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[Finding]:
     if case.sweep.steps == 0:
         return []
     if not given.scaled:
-        return before(given, case.sweep.legs[0].target, Sq=math.nan, Sdq=math.nan, L=case.L)
+        return before(given, [], Sq=math.nan, Sdq=math.nan, L=case.L)
     size = 1.0
     if isinstance(made, MadeSurface):
         m = min(max(made.m, default=case.m or 0), LOOKED_AT)
         surface = surface_of(replace(case, D=max(made.dimensions), m=m))
         size = (made.height or surface.Sq) / surface.Sq
     surface = surface or surface_of(case)
-    target = path.starred(case, surface).sweep.legs[0].target
+    targets = [leg.target for leg in path.starred(case, surface).sweep.legs]
     Sdq = size * texture.Sdq(surface.with_neighbours, surface.spacing)
-    return before(given, target, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side, peak=surface.peak)
+    return before(given, targets, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side, peak=surface.peak)
 
 
 def kept(given: Setting, results: Dataset) -> list[Limit]:

@@ -128,7 +128,7 @@ def test_a_run_names_the_shares_of_contact_and_load_above_the_hardness() -> None
 
 def test_the_share_foreseen_is_that_of_the_distribution_of_pressure() -> None:
     given = Setting(1.0, hardness=0.06, hardness_text="0.06", scaled=True)
-    sentence = validity.before(given, Level("mean-plane"), Sq=1.0, Sdq=0.1, L=100.0)[0].sentence
+    sentence = validity.before(given, [Level("mean-plane")], Sq=1.0, Sdq=0.1, L=100.0)[0].sentence
     p = np.linspace(0.0, 1.0, 400_001)
     density = p / 0.05**2 * np.exp(-0.5 * (p / 0.05) ** 2)
     contact, load = density[p > 0.06].sum() / density.sum(), (p * density)[p > 0.06].sum() / (p * density).sum()
@@ -229,7 +229,7 @@ def test_states_beyond_a_limit_are_counted_from_the_least_load(
 
 
 def test_a_load_foreseen_beyond_a_tenth_of_the_modulus_is_named() -> None:
-    foreseen = validity.before(Setting(1.0, scaled=True), Level("pressure", 20.0), Sq=1.0, Sdq=0.01, L=100.0)
+    foreseen = validity.before(Setting(1.0, scaled=True), [Level("pressure", 20.0)], Sq=1.0, Sdq=0.01, L=100.0)
     assert [one.key for one in foreseen] == ["nominal_pressure"]
 
 
@@ -260,6 +260,13 @@ def test_metal_beyond_the_reach_of_perfect_plasticity_is_named() -> None:
         text = f"{metal}sweep: {{steps: 3, to: {{pressure: {share} GPa}}}}\n"
         assert ("persistence" in _before(text), "persistence" in _after(text)) == (named, named)
     assert "up to 0.9 of the hardness" in _after(text)["persistence"].sentence
+
+
+def test_the_highest_load_of_a_path_is_foreseen() -> None:
+    highest = "{steps: 2, to: {pressure: 2 MPa}}"
+    for legs in (highest, f"[{{steps: 2, to: {{separation: 1}}}}, {highest}, {{steps: 2, to: {{pressure: 0}}}}]"):
+        sentence = _before(f"{RUBBER}sweep: {legs}\n")["nominal_pressure"].sentence
+        assert "will be about 0.2 E* at the highest load" in sentence
 
 
 @pytest.mark.parametrize(("drop", "named"), [("1 bar", True), ("1 mbar", False)])
