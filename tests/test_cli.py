@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
+from click.testing import CliRunner
 
 import roughvol
+from roughvol.cli import main
 from roughvol.store import dataset
 from tests.kit import LEAKING, call, python, ran, refused, said
 
@@ -105,6 +107,14 @@ def test_python_and_command_line_give_one_answer(finished: Path, tmp_path: Path)
     stored = dataset.read(finished / "runs" / "tiny" / "study.nc")
     xr.testing.assert_identical(dataset.answers(returned), dataset.answers(stored))
     assert {**returned.attrs, "date": ""} == {**stored.attrs, "date": ""}
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "cp1252"])
+def test_an_encoding_without_a_character_prints_its_escape(place: Path, encoding: str) -> None:
+    for command in (["show", "tiny"], ["card", "--help"], ["explain", "free_volume"]):
+        done = CliRunner(charset=encoding).invoke(main, command)
+        assert done.exit_code == 0, done.exception
+        assert done.stdout == call(*command).stdout.encode(encoding, "backslashreplace").decode(encoding)
 
 
 def test_status_counts_and_names_what_is_missing(place: Path) -> None:

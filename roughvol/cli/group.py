@@ -17,7 +17,7 @@ from roughvol import errors, spellings
 from roughvol._version import __version__
 from roughvol.campaign import machine, signals
 from roughvol.cli.options import examples
-from roughvol.cli.output import count, say, silence, warn
+from roughvol.cli.output import count, escape, say, silence, warn
 
 FAILED, BAD_INPUT = 1, 2
 OF_RUNS = errors.CampaignError | errors.ContactError | errors.ConvergenceError  # they make the exit code FAILED
@@ -83,6 +83,7 @@ class _Commands(click.Group):
         return command
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+        escape(sys.stdout)
         try:
             return super().make_context(*args, **kwargs)
         except OSError as error:  # --help into a full disk

@@ -49,6 +49,12 @@ def is_seen() -> bool:
     return sys.stderr is not None and sys.stderr.isatty()
 
 
+def escape(stream: TextIO | None) -> None:
+    """Make a stream write characters that its encoding lacks as escapes, as standard error does."""
+    if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":  # None where it was closed
+        stream.reconfigure(errors="backslashreplace")
+
+
 def silence(stream: TextIO) -> None:
     """Lead a stream that cannot be written into nothing; else Python would try again at the end."""
     try:
