@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import errno
+from pathlib import Path
+from unittest.mock import Mock
+
 import numba
 import numpy as np
 import pytest
+from numba.core.caching import CompileResultCacheImpl, IndexDataCacheFile
 from numpy.testing import assert_allclose
 
 from roughvol.gap import aggregates
@@ -88,16 +93,28 @@ def test_an_aggregate_is_a_chain_of_strong_joints_in_one_block(shape: tuple[int,
         assert reached == set(elements)
 
 
-def test_without_a_folder_for_compiled_code_a_function_is_compiled_all_the_same(
-    monkeypatch: pytest.MonkeyPatch,
+def _total(field: np.ndarray) -> float:
+    return field.sum()
+
+
+@pytest.mark.parametrize("fault", ["no folder", "full disk", "damaged file"])
+def test_code_that_cannot_be_kept_on_disk_is_compiled_all_the_same(
+    fault: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    njit = numba.njit
-
-    def without_cache(*functions, cache: bool = False):
-        if cache:
-            raise RuntimeError("cannot cache function: no locator available")
-        return njit(*functions)
-
-    monkeypatch.setattr(numba, "njit", without_cache)
-    total = compiled(lambda field: field.sum())
-    assert total(np.ones(3)) == 3.0
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    inner = compiled(_total)
+    monkeypatch.setitem(globals(), "_total", inner)
+    assert inner(np.ones(3)) == 3.0
+    assert compiled(lambda field: 2.0 * _total(field))(np.ones(3)) == 6.0
+    kept = [path for path in tmp_path.rglob("*.nbi") if path.stat().st_size]
+    assert len(kept) == 2
+    if fault == "no folder":
+        monkeypatch.setattr(CompileResultCacheImpl, "_locator_classes", [])
+    for path in kept if fault == "damaged file" else ():
+        path.write_bytes(b"")
+    if fault == "full disk":
+        monkeypatch.setattr(IndexDataCacheFile, "save", Mock(side_effect=OSError(errno.ENOSPC, "full")))
+    monkeypatch.setitem(globals(), "_total", compiled(inner.py_func))
+    twice = compiled(lambda field: 2.0 * _total(field))
+    assert twice(np.ones(3)) == 6.0
+    assert twice(np.ones((2, 2))) == 8.0  # of other types
