@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
@@ -31,26 +31,29 @@ from roughvol.study.plain_data import (
     show,
     write,
 )
-from roughvol.study.python_data import plain
+from roughvol.study.python_data import changes_of, plain
 from roughvol.study.sections.strict import names
 from roughvol.study.sections.surface import UNSAID
 from roughvol.study.study import Study
 from roughvol.study.validation import models_of, translated
+
+if TYPE_CHECKING:
+    from roughvol.typing import Changes
 
 NO_FILES = ("<string>", "<stdin>")
 RESULTS, RUNS = (".nc",), (".", "runs")  # suffix of results, and folders of runs
 STUDY = Arguments("run", {"": "study"})
 
 
-def load(path: str | Path, changes: Sequence[str] = ()) -> Study:
+def load(path: str | Path, changes: Changes = ()) -> Study:
     """Read a study file.
 
     Parameters
     ----------
     path : str or Path
         A YAML file.
-    changes : sequence of str
-        Keys set to other values, as ``surface.m=6``.
+    changes : mapping or sequence of str
+        Other values of keys, as ``{"surface.m": 6}`` or ``"surface.m=6"``.
 
     Returns
     -------
@@ -72,7 +75,7 @@ def load(path: str | Path, changes: Sequence[str] = ()) -> Study:
     >>> import pathlib
     >>> import roughvol
     >>> _ = pathlib.Path("tiny.yaml").write_text("surface: {D: 2.5, m: 3, seeds: 2}")
-    >>> roughvol.load("tiny.yaml", ["surface.m=4"]).surface.m
+    >>> roughvol.load("tiny.yaml", {"surface.m": 4}).surface.m
     (4,)
     """
     file = printable(str(path))
@@ -95,7 +98,7 @@ def load(path: str | Path, changes: Sequence[str] = ()) -> Study:
             message = _holds_results(path) if is_run else message
     if message:
         raise StudyError([Problem(message, "", line, file)])
-    return _study(text, file, Path(path), changes=changes)
+    return _study(text, file, Path(path), changes=changes_of(changes))
 
 
 def _holds_results(path: str | Path) -> str:
@@ -157,7 +160,7 @@ def changed(study: Study, changes: Sequence[str]) -> Study:
 
 
 def loads(
-    text: str, file: str | Path = "<string>", *, stored: bool = False, of_run: bool = False, changes: Sequence[str] = ()
+    text: str, file: str | Path = "<string>", *, stored: bool = False, of_run: bool = False, changes: Changes = ()
 ) -> Study:
     """Read a study from text.
 
@@ -172,8 +175,8 @@ def loads(
         cases.
     of_run : bool
         The text is the study.yaml of a run, with the keys of the version that wrote it.
-    changes : sequence of str
-        Keys set to other values, as ``surface.m=6``.
+    changes : mapping or sequence of str
+        Other values of keys, as ``{"surface.m": 6}`` or ``"surface.m=6"``.
 
     Returns
     -------
@@ -197,7 +200,7 @@ def loads(
     (4, 5)
     """
     path = Path("study" if file in NO_FILES else file)
-    return _study(text, printable(str(file)), path, stored=stored, of_run=of_run, changes=changes)
+    return _study(text, printable(str(file)), path, stored=stored, of_run=of_run, changes=changes_of(changes))
 
 
 def _study(

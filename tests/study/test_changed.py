@@ -41,6 +41,7 @@ record: {fields_at: last}
 def test_keys_change_a_study_as_they_change_a_file(keys: dict[str, Any], changes: list[str]) -> None:
     study = loads(TEXT)
     assert study.changed(**keys).to_yaml() == loads(TEXT, changes=changes).to_yaml()
+    assert loads(TEXT, changes=keys).to_yaml() == loads(TEXT, changes=changes).to_yaml()
     assert loads(study.to_yaml(), changes=changes).to_yaml() == loads(TEXT, changes=changes).to_yaml()  # of a run
     assert study.to_yaml() == loads(TEXT).to_yaml()
 
