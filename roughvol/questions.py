@@ -585,11 +585,10 @@ def compare(runs: Sequence[Dataset | str | Path], at: Loads = (), *, changes: Ch
     from roughvol.report import screen
     from roughvol.study import levels
 
-    stored = [opened(run, changes) for run in runs]
-    parts = [part for run in stored for part in Run.of(run.name, run.dataset).parts]
-    if len(parts) < 2:
+    stored = [Run.of(run.name, run.dataset) for run in (opened(run, changes) for run in runs)]
+    if sum(len(run.parts) for run in stored) < 2:
         raise DatasetError("compare takes two runs or more; one is shown by: roughvol show RUN")
-    return screen.compared(parts, levels(at))
+    return screen.compared(stored, levels(at))
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import shutil
 from pathlib import Path
 
@@ -99,11 +100,15 @@ def test_show_names_the_combinations_that_do_not_reach_a_load() -> None:
     moduli = DRY.replace("{E_star: 10 MPa}", "{E_star: [1 MPa, 10 MPa]}")
     ran("moduli", moduli)
     done = call("show", "moduli", "--at", "pressure=0.02MPa")
+    both = [call(word, "moduli", "--at", "p=0.1", "--at", "pressure=0.02MPa", "--json") for word in ("show", "compare")]
     shutil.rmtree("runs/moduli")
     assert done.exit_code == 0
     assert "E_star = 10 MPa" in done.stdout
     assert "E_star = 1 MPa" not in done.stdout
-    assert "moduli, E_star = 1 MPa has no state at pressure=0.02 MPa" in done.stderr
+    for answer in (done, *both):
+        assert "moduli, E_star = 1 MPa has no state at pressure=0.02 MPa" in answer.stderr
+    for answer in both:  # the softer surface reaches the first load
+        assert [row["state"] for row in json.loads(answer.stdout)["rows"]].count("pressure=0.1") == 2
 
 
 def test_show_and_compare_name_the_surfaces_that_do_not_reach_a_load() -> None:
@@ -111,9 +116,9 @@ def test_show_and_compare_name_the_surfaces_that_do_not_reach_a_load() -> None:
     begins = wet["mean_pressure"].isel(step=0, m=0).min("seed").to_series().sort_values()
     reaches, later = (f"D = {D:g}, m = 4" for D in begins.index)
     at = f"--at=p={begins.mean():.4g}"
-    shown, compared = said("show", "wet", at), said("compare", "wet", "wet", at)
-    assert shown.splitlines()[1].startswith(reaches)
-    for text in (shown, compared):
+    shown, rows = call("show", "wet", at), call("show", "wet", at, "--json")
+    assert shown.stdout.splitlines()[1].startswith(reaches)
+    for text in (shown.stderr, rows.stderr, said("compare", "wet", "wet", at)):
         assert f"wet, {later} has no state at pressure={begins.mean():.4g}: its steps have" in text
 
 

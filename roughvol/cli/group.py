@@ -141,13 +141,13 @@ def _without_dask() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _said() -> Iterator[None]:
-    """Print former spellings as warnings, each once."""
+    """Print warnings of this package, each once."""
     with warnings.catch_warnings():
-        warnings.simplefilter("once", errors.RoughvolDeprecation)
+        warnings.simplefilter("once", errors.RoughvolWarning)
         show = warnings.showwarning
 
         def say_one(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
-            if issubclass(category, errors.RoughvolDeprecation):
+            if issubclass(category, errors.RoughvolWarning):
                 warn([str(message)])
             else:
                 show(message, category, *place, **more)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import click
 
 import roughvol
 from roughvol.cli.options import CSV, JSON, RUN, SET, at, command
-from roughvol.cli.output import say, say_numbers, say_parts
+from roughvol.cli.output import say, say_numbers, say_parts, say_table, warn
 
 
 @command(
@@ -39,7 +37,13 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool, 
         say_numbers(found.name, *roughvol.show(found, states), as_csv=as_csv)
         return
     named = Run.of(found.name, found.dataset)
-    say_parts(named, partial(screen.shown, levels=levels(states)))
+    if states:
+        tables, absent = screen.shown_at(named, levels(states))
+        for table in tables:
+            say_table(table)
+        warn(absent)
+    else:
+        say_parts(named, screen.shown)
     if answer := named.dataset.attrs.get("answer"):
         say(answer)
 

@@ -20,7 +20,7 @@ from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run, answers
 from roughvol.analysis.tables import Table, spread
 from roughvol.analysis.units import in_units
-from roughvol.errors import DatasetError
+from roughvol.errors import DatasetError, warn
 from roughvol.observables.stiffness import stiffness_exponent, without_every_second
 from roughvol.observables.variables import STATES
 from roughvol.report.run_facts import closing
@@ -116,14 +116,23 @@ def _chief(run: Run, group: Dataset) -> Iterator[State]:
             yield replace(at(run, group, Level("step", float(step), leg)), label=words)
 
 
-def shown(run: Run, levels: Sequence[Level] = ()) -> list[Table]:
-    """Return the tables of ``roughvol show``: all steps of each group of surfaces, or the states asked for."""
-    named = _named(run, steps=not levels, recorded=bool(levels))
-    if levels:
-        absent = list[str]()
-        states = [row for level in levels for row in _reaching(run, named, level, absent)]
-        found = _of_groups("steps", states, grouped=len(named) > 1)
-        return [found.table("", *absent, *found.notes(), RULE, *[BETWEEN_STEPS] * (STIFFNESS in found.columns))]
+def shown_at(run: Run, levels: Sequence[Level]) -> tuple[list[Table], list[str]]:
+    """Return the states asked for, a table for each combination of lists, and sentences on what does not reach them."""
+    named = [(part, _named(part)) for part in run.parts]
+    absent = list[str]()
+    states = [row for level in levels for row in _reaching(named, level, absent)]
+    tables = []
+    for part, some in named:
+        if own := [(name, state) for of, name, state in states if of is part]:
+            found = _of_groups("steps", own, grouped=len(some) > 1)
+            notes = (*found.notes(), RULE, *[BETWEEN_STEPS] * (STIFFNESS in found.columns))
+            tables.append(found.table(part.name.removeprefix(run.name).removeprefix(", "), *notes))
+    return tables, absent
+
+
+def shown(run: Run) -> list[Table]:
+    """Return the tables of ``roughvol show``: all steps of each group of surfaces."""
+    named = _named(run, steps=True, recorded=False)
     tables = []
     for name, group in named:
         several, legs = group.sizes["seed"] > 1, "leg" in group
@@ -159,48 +168,58 @@ def _exponent(group: Dataset) -> list[str]:
 
 
 def _reaching(
-    run: Run, named: Sequence[tuple[str, Dataset]], level: Level, absent: list[str]
-) -> list[tuple[str, State]]:
-    """Return a state of every group with a surface that reaches it; raise `DatasetError` if there is none.
+    named: Sequence[tuple[Run, Sequence[tuple[str, Dataset]]]], level: Level, absent: list[str]
+) -> list[tuple[Run, str, State]]:
+    """Return a state of every group of the combinations of a run that reaches a level; an error if there is none.
 
-    Sentences on the other groups are added to ``absent``.
+    Sentences on the other groups are added to ``absent``. The only group of a combination has no name.
     """
 
-    def state_of(part: tuple[str, Dataset]) -> State:
-        name, group = part
-        return at(replace(run, name=f"{run.name}, {name}") if len(named) > 1 else run, group, level)
+    def state_of(part: tuple[Run, str, Dataset]) -> State:
+        run, name, group = part
+        return at(replace(run, name=_full(run, name)), group, level)
 
-    found, errors = answers(named, state_of)
+    every = [(run, name if len(some) > 1 else "", group) for run, some in named for name, group in some]
+    found, errors = answers(every, state_of)
     absent += [f"{error}." for error in errors]
-    return [(name, state) for (name, _), state in found]
+    return [(run, name, state) for (run, name, _), state in found]
+
+
+def _full(run: Run, group: str) -> str:
+    """Return the name of a run with that of a group of its surfaces."""
+    return ", ".join(filter(None, (run.name, group)))
 
 
 def records(run: Run, levels: Sequence[Level] = ()) -> Records:
-    """Return the numbers of every surface as plain rows; the lists of a study make columns."""
-    parts = parts_of(run.dataset)
-    units = {name: str(run.dataset[name].attrs.get("units", "1")) for name in parts[0].labels}
+    """Return the numbers of every surface as plain rows; the lists of a study make columns.
+
+    What does not reach a level is a `RoughvolWarning`.
+    """
     common: dict[str, str] = {}
-    rows: list[dict[str, Any]] = []
-    every, _ = answers(parts, lambda part: _records(Run.of(run.name, part.dataset), levels, common))
-    for part, (found, own) in every:
-        rows += [part.labels | row for row in found]
-        units |= own
+    labels = [part.labels for part in parts_of(run.dataset)]
+    units = {name: str(run.dataset[name].attrs.get("units", "1")) for name in labels[0]}
+    named = [(part, _named(part, common, steps=True, recorded=bool(levels))) for part in run.parts]
+    rows, absent = list[dict[str, Any]](), list[str]()
+    states = [row for level in levels for row in _reaching(named, level, absent)]
+    for own, (part, some) in zip(labels, named, strict=True):
+        if levels:
+            every = [[(state, spread(state.data))] for of, _, state in states if of is part]
+        else:
+            every = [list(every_step(group)) for _, group in some]
+        names, units_of_part = _columns(some, "state" if levels else "step")
+        rows += [own | row for step_by_step in every for row in _of_each_surface(step_by_step, names)]
+        units |= units_of_part
+    warn(absent)
     return _plain_rows(rows, units)
 
 
-def _records(run: Run, levels: Sequence[Level], common: dict[str, str]) -> tuple[list[dict[str, Any]], dict[str, str]]:
-    """Return the numbers of every surface of one combination in common units, and these units."""
-    named = _named(run, common, steps=True, recorded=bool(levels))
-    if levels:
-        every = [[(state, spread(state.data))] for level in levels for _, state in _reaching(run, named, level, [])]
-    else:
-        every = [list(every_step(group)) for _, group in named]
+def _columns(named: Sequence[tuple[str, Dataset]], state: str) -> tuple[list[str], dict[str, str]]:
+    """Return the names of the columns of a combination, the word for a state among them, and the units of numbers."""
     ds = spread(named[0][1])
     numbers = [str(name) for name, variable in ds.data_vars.items() if name != "leg" and _is_of_steps(variable)]
     case = [name for name in CASE if any(name in group.coords for _, group in named)]
-    names = [*case, *(["state"] if levels else ["step", *["leg"] * ("leg" in ds)]), *numbers]
-    rows = [row for states in every for row in _of_each_surface(states, names)]
-    return rows, {name: str(ds[name].attrs.get("units", "1")) for name in names[len(case) + 1 :]}
+    names = [*case, state, *["leg"] * (state == "step" and "leg" in ds), *numbers]
+    return names, {name: str(ds[name].attrs.get("units", "1")) for name in names[len(case) + 1 :]}
 
 
 def _is_of_steps(variable: Any) -> bool:
@@ -270,12 +289,12 @@ class Compared:
 def compared(runs: Sequence[Run], levels: Sequence[Level] = ()) -> Compared:
     """Return numbers of several runs side by side at equal loads."""
     common: dict[str, str] = {}
-    named = [(run, _named(run, common)) for run in runs]
+    every = [[(part, _named(part, common)) for part in run.parts] for run in runs]
     rows, absent = [], list[str]()
-    for level in levels or _equal_loads([group for _, some in named for _, group in some]):
-        for run, some in named:
-            for group, state in _reaching(run, some, level, absent):
-                name = f"{run.name}, {group}" if len(some) > 1 else run.name
+    for level in levels or _equal_loads([group for named in every for _, some in named for _, group in some]):
+        for named in every:
+            for part, group, state in _reaching(named, level, absent):
+                name = _full(part, group)
                 rows.append(Row((state.label, name), state, spread(state.data), name))
     found = _at_levels("short", ("state", "run"), rows)
     notes = dict[str, str]()
