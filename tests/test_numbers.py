@@ -122,6 +122,32 @@ def test_show_and_compare_name_the_surfaces_that_do_not_reach_a_load() -> None:
         assert f"wet, {later} has no state at pressure={begins.mean():.4g}: its steps have" in text
 
 
+@pytest.mark.parametrize(("sweep", "load"), [("{pressures: [0.0123]}", 0.0123), ("{pressures: [0.2, 0.4]}", 0.2)])
+def test_runs_of_one_common_load_are_compared_there(sweep: str, load: float) -> None:
+    folders = []
+    for name, own in (("one", sweep), ("other", f"{{pressures: [0.01, {load}]}}")):
+        ran(name, f"surface: {{D: 2.2, m: 3, seeds: 1}}\nsweep: {own}\n")
+        folders.append(f"runs/{name}")
+    rows = answered("compare", "one", "other", "--json")["rows"]
+    for folder in folders:
+        shutil.rmtree(folder)
+    assert [row["state"] for row in rows] == [f"pressure={load}"] * 2
+    assert [row["mean_pressure"] for row in rows] == pytest.approx([load] * 2)
+
+
+def test_an_unloaded_region_is_compared_at_no_load_and_stays_open(tmp_path: Path) -> None:
+    z = np.zeros((9, 9))
+    z[1, 1] = 1.0
+    np.save(tmp_path / "peak.npy", z)
+    text = f"surface: {{file: {tmp_path / 'peak.npy'}, L: 1.0, sides: free}}\n"
+    text += "sweep: {steps: 2, to: {indentation: 0.5}}\n"
+    ran("peak", text + "record: {region: {x: [0.5, 1], y: [0.5, 1]}, transport: {percolation: every-step}}\n")
+    words, ask = refused("compare", "peak", "peak"), answered("ask", "peak", "--closed")
+    shutil.rmtree("runs/peak")
+    assert "none of their steps has a load" in words
+    assert [way["value"] for way in ask["answers"]] == [None, None]  # the first step was called closed
+
+
 def test_compare_puts_runs_side_by_side_at_equal_loads() -> None:
     rows = list(csv.DictReader(io.StringIO(said("compare", "wet", "dry", "--csv"))))
     states = list(dict.fromkeys(row["state"] for row in rows))

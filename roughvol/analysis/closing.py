@@ -75,9 +75,9 @@ def solved_loads(group: Dataset, axis: str, load: str) -> list[float]:
 
 
 def _ratio(loads: Array, starred: Array) -> float:
-    """Return a load over p*, from the largest."""
+    """Return a load over p*, from the largest; NaN without a load."""
     at = int(np.nanargmax(starred)) if np.isfinite(starred).any() else 0
-    return float(loads[at] / starred[at])
+    return float(loads[at] / starred[at]) if starred[at] else math.nan
 
 
 def span_of(way: Array, loads: Array) -> Span | None:

@@ -63,8 +63,11 @@ class LoadReading:
 
     @classmethod
     def of(cls, span: Span) -> LoadReading:
-        """Return the load at which a way closes: that of the first closed step, 0 without an open step."""
-        is_open = span.open_up_to > 0.0
+        """Return the load at which a way closes: that of the first closed step, 0 without an open step.
+
+        A way that closes nowhere is open at its last step, also of an unloaded region.
+        """
+        is_open = span.open_up_to > 0.0 or not span.closes
         return cls(span.closed_from if is_open else 0.0, span.open_up_to, span.closed_from, is_open and span.closes)
 
 

@@ -27,6 +27,7 @@ from roughvol.report.run_facts import closing
 from roughvol.report.states import P, Row, States, every_step, of_all
 from roughvol.store.variants import parts_of
 from roughvol.study import Level, Quantity, parse
+from roughvol.study.values.state_kinds import REACHED
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -318,11 +319,13 @@ def _equal_loads(every: Sequence[Dataset]) -> list[Level]:
             positive = row[np.isfinite(row) & (row > 0.0)]
             if positive.size:
                 spans.append((positive.min(), positive.max()))
+    if not spans:
+        raise DatasetError("no load is common to these runs: none of their steps has a load")
     low, high = max(span[0] for span in spans), min(span[1] for span in spans)
-    if not low < high:
+    if low > high * (1.0 + REACHED):
         words = f" {unit}" if unit else ""
         found = f"the largest first step has {name} {low:.4g}{words}, the smallest end {high:.4g}{words}"
         raise DatasetError(f"no load is common to these runs: {found}")
     rounded = dict.fromkeys(float(f"{value:.2g}") for value in np.geomspace(low, high, EQUAL))
-    inside = [value for value in rounded if low <= value <= high] or [0.5 * (low + high)]
+    inside = [value for value in rounded if low <= value <= high] or [float(f"{0.5 * (low + high):.6g}")]
     return [Level("pressure", Quantity(value, unit) if unit else value) for value in inside]
