@@ -12,7 +12,7 @@ from xarray import Dataset
 
 from roughvol.errors import DatasetError
 from roughvol.store.variants import parts_of, study_in
-from roughvol.study import GeneratedSurface, SpectralSurface, Study
+from roughvol.study import GeneratedSurface, HeightFile, MadeSurface, SpectralSurface, Study
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array
@@ -39,6 +39,23 @@ def answers(
     return found, errors
 
 
+def _foreign(dataset: Dataset, study: Study) -> str:
+    """Return a label of surfaces that are not of a study, as of several runs joined by a user; empty without one.
+
+    Joined runs keep the study of the first, and so its modulus.
+    """
+    surface = "case" if isinstance(study.surface, HeightFile) else "seed"
+    known = {*(axis.name for axis in study.axes), "D", "m", surface, "step"}
+    dims = dataset["mean_pressure"].dims if "mean_pressure" in dataset else ()
+    if foreign := [str(dim) for dim in dims if dim not in known]:
+        return f"a dimension {foreign[0]}"
+    if not isinstance(study.surface, MadeSurface) or study.ensemble is not None:
+        return ""
+    named = {"D": study.surface.dimensions, "m": study.surface.m, "seed": study.surface.seeds}
+    labels = ((key, label) for key in named if key in dataset.coords for label in np.ravel(dataset[key]).tolist())
+    return next((f"{key} = {label:g}" for key, label in labels if not np.isin(label, named[key])), "")
+
+
 @dataclass(frozen=True, eq=False)
 class Run:
     """A stored study: its name, its dataset, and the study itself where its text can be read again."""
@@ -52,6 +69,8 @@ class Run:
         """Return the run of a dataset as `dataset.read` gives it; a `DatasetError` if a dimension has no labels."""
         if (study := study_in(dataset)) is None:
             return cls(name, dataset)
+        if foreign := _foreign(dataset, study):
+            raise DatasetError(f"{name} has {foreign}, which its study does not name; allowed: the dataset of one run")
         surface = "case" if "case" in dataset.coords else "seed"
         labels = (*(axis.name for axis in study.axes), "L", surface, *map(str, dataset.dims))
         if lost := [label for label in labels if label not in dataset.coords]:

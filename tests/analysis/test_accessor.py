@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from xarray import Dataset
@@ -164,8 +165,13 @@ def test_what_follows_from_a_step_or_a_part_of_the_variables_is_derived() -> Non
         (lambda ds: ds.isel(step=[]), "has no step;"),
         (lambda ds: ds[["mean_pressure"]], "has no Sq"),
         (lambda ds: ds.drop_vars("step"), "lost its label of step"),
+        (
+            lambda ds: xr.concat([ds, ds.assign_coords(seed=[7, 8])], "seed"),
+            "has seed = 7, which its study does not name",
+        ),
+        (lambda ds: xr.concat([ds, ds], pd.Index(["a", "b"], name="run")), "has a dimension run, which its study"),
     ],
-    ids=["list", "seed", "none", "D", "step", "variable", "labels"],
+    ids=["list", "seed", "none", "D", "step", "variable", "labels", "seeds", "runs"],
 )
 def test_a_choice_without_what_a_question_needs_is_refused(
     swept: Dataset, choose: Callable[[Dataset], Dataset], word: str
