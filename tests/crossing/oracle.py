@@ -114,8 +114,8 @@ def _surface(ds: xr.Dataset, E: float) -> Surface:
         area = (nodes * L / (nodes - ("periodic" not in ds.attrs))) ** 2  # um², and MPa um² is 1e-3 mN
         along["load"] = along["nominal_pressure"] * area * 1e-3
     for axis in "xy":
-        for name in (f"percolates_{axis}", f"critical_gap_{axis}", f"transmissivity_{axis}"):
-            if name in along and np.isfinite(along[name]).any():
+        for of in ("percolates", "critical_gap", "transmissivity", "gas_transmissivity"):
+            if (name := f"{of}_{axis}") in along and np.isfinite(along[name]).any():
                 along[f"open_{axis}"] = np.where(np.isfinite(along[name]), along[name] > 0.0, np.nan)
                 break
     states: dict[str, dict[str, dict[str, float]]] = {}

@@ -636,7 +636,8 @@ def check_leaks(made: Made, curves: Sequence[Curve]) -> int:
     count = 0
     for group in made.groups:
         for axis in "xy":
-            each = [_load(surface, f"leak_rate_{axis}") for surface in group.surfaces]
+            leak_rate = "leak_rate" if "leak_rate_x" in group.surfaces[0].along else "gas_leak_rate"
+            each = [_load(surface, f"{leak_rate}_{axis}") for surface in group.surfaces]
             points = _curve(made, curves, group, axis)
             if points is None:
                 assert not any((leak > 0.0).any() for _, leak in each), f"no curve of {group.words} along {axis}"
@@ -844,7 +845,9 @@ def _maps(ds: Any) -> list[np.ndarray]:
 def ask(made: Made) -> int:
     """The load, modulus and Sq of a leak, `roughvol ask RUN --leak-rate VALUE`: asked for the leak of a solved step."""
     every = [surface for group in made.groups for surface in group.surfaces]
-    count, units = 0, ["mm^3/s"] + ["mbar*l/s"] * any("gas_leak_rate_x" in surface.along for surface in every)
+    leaks = {"leak_rate_x": "mm^3/s", "gas_leak_rate_x": "mbar*l/s"}
+    units = [unit for name, unit in leaks.items() if any(name in surface.along for surface in every)]
+    count, units = 0, units or ["mm^3/s"]
     for unit, axis in itertools.product(units, made.kind.axes):
         flow = "leak_rate" if unit == "mm^3/s" else "gas_leak_rate"
         paths = [_path(surface, f"{flow}_{{}}", made.kind.squares) for surface in every]
@@ -1029,7 +1032,9 @@ def _check_card(groups: Sequence[Group], found: dict[str, Any], load: str) -> in
         count += 1
     for way in found["ways"]:
         axis = way["axis"]
-        if way["unit"] == "1":  # without units: T* V*³
+        if f"transmissivity_{axis}" not in states[0]:  # of a gas alone
+            leaks = [way["leak"]]
+        elif way["unit"] == "1":  # without units: T* V*³
             leaks = [state[f"transmissivity_{axis}"] * state["free_volume"] ** 3 for state in states]
         else:
             leaks = [state[f"leak_rate_{axis}"] for state in states]

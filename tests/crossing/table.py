@@ -15,8 +15,8 @@ from tests.crossing.questions import QUESTIONS
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "crossing.md"
 UNITS = (
-    "one seeds sealed m files bodies spectrum materials layers regions legs one-way coupled gas lifted-gas region "
-    "mirrored periodic closed some-closed percolation to-pressure to-area force nominal gap records"
+    "one seeds sealed m files bodies spectrum materials layers regions legs one-way coupled gas gas-alone lifted-gas "
+    "region mirrored periodic closed some-closed percolation to-pressure to-area force nominal gap records"
 )
 PRESSED = f"{UNITS} D ensemble own mean-plane"
 UNPRESSED = {"unpressed": "nothing was pressed"}
@@ -36,8 +36,8 @@ class Cells:
 
 NO_LEAK = dict.fromkeys(("D", "ensemble", "own", "mean-plane", "unpressed"), "which the run does not have")
 PRESSED_AGAIN = (
-    "one sealed bodies spectrum materials layers regions legs one-way coupled gas lifted-gas region mirrored periodic "
-    "closed some-closed percolation mean-plane to-pressure to-area force nominal gap records unpressed study-changed "
+    "one sealed bodies spectrum materials layers regions legs one-way coupled gas gas-alone lifted-gas region "
+    "mirrored periodic closed some-closed percolation mean-plane to-pressure to-area force nominal gap records unpressed study-changed "
     "file-changed"
 )
 ONE_MAP = {
@@ -60,6 +60,7 @@ SEVERAL = {
 }
 READ_OFF = SEVERAL | OTHER_RESULTS | UNPRESSED
 NO_LEAK_RATE = dict.fromkeys(("D", "ensemble", "own", "mean-plane"), "the run has no leak rates")
+OF_LIQUID = {"gas-alone": "record dimensional.leak_rate"}
 CELLS = {
     "run": Cells(f"{PRESSED} unpressed", OTHER_RUN),
     "show": Cells(PRESSED, SHOWN),
@@ -84,12 +85,12 @@ CELLS = {
             "unpressed": "a leak card needs a load",
         },
     ),
-    "ask": Cells(f"{ONE_KIND} legs", READ_OFF | NO_LEAK_RATE),
+    "ask": Cells(f"{ONE_KIND} gas-alone legs", READ_OFF | NO_LEAK_RATE),
     "ask --closed": Cells(
-        f"{ONE_KIND} legs mean-plane",
+        f"{ONE_KIND} gas-alone legs mean-plane",
         READ_OFF | {"D": "the run has several D"} | dict.fromkeys(("ensemble", "own"), "the run has several m"),
     ),
-    "creep": Cells(ONE_KIND, READ_OFF | NO_LEAK_RATE | {"legs": "the surface yields"}),
+    "creep": Cells(ONE_KIND, READ_OFF | NO_LEAK_RATE | OF_LIQUID | {"legs": "the surface yields"}),
     "check": Cells(f"{PRESSED} unpressed study-changed file-changed"),
     "status": Cells(f"{PRESSED} unpressed", OTHER_RUN),
 }
