@@ -52,6 +52,7 @@ def creep(
     has the interval of leak cards at up to four of the states.
     """
     from roughvol.analysis import creep as over_time
+    from roughvol.analysis.read_off import is_throughput
     from roughvol.questions import opened
     from roughvol.report.figures.creep import drawing_of
 
@@ -64,7 +65,8 @@ def creep(
         return
     say(f"{titled(found.name, found.dataset)}: at {history.pressure:.4g} {history.pressure_unit}; {history.body}")
     say_table(over_time.table_of(history))
-    for line in beyond(found, has_errors=budget, offered=found.has_study):
+    offered = found.has_study and not is_throughput(f"1 {history.leak_unit}")
+    for line in beyond(found, has_errors=budget, offered=offered):
         say(line)
     folder = out or found.folder
     over_time.write_csv(history, folder / "creep.csv")

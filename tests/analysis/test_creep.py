@@ -21,7 +21,7 @@ from roughvol.campaign import execution
 from roughvol.errors import StudyError
 from roughvol.store.dataset import Dataset
 from roughvol.study import Creep, load_creep, loads, read_times
-from tests.kit import answered, refused, said
+from tests.kit import LEAKING, answered, ran, refused, said
 
 TEXT = """name: rubber
 surface: {D: 2.2, m: 6, seeds: 2, L: 200 um, Sq: 0.4 um}
@@ -346,3 +346,15 @@ def test_a_share_of_the_compliance_creeps_as_that_body_would(tmp_path: Path) -> 
     assert of_share.words(MATERIAL) == f"{first:.3g} of 1/E* creeps"
     with pytest.raises(StudyError, match=r"share: is for a study with material\.E_star"):
         of_share.ratio(1.0, two.material)
+
+
+def test_a_gas_alone_has_its_leak_over_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = LEAKING.replace("transmissivity", "gas_flow").partition("  dimensional")[0]
+    ran("gas", f"{text}  dimensional: {{gas_leak_rate: sccm}}\nfluid: {{gas: air, inlet: 2 bar, outlet: 1 bar}}\n")
+    Path("law.yaml").write_text("table: {times: [1 s, 1 h], ratios: [1, 1.2]}", encoding="utf-8")
+    question = ("creep", "gas", "--law", "law.yaml", "--at", "pressure=0.2MPa", "--times", "1 s, 1 h")
+    printed = said(*question)
+    assert "Q_x [sccm]" in printed
+    assert "are not in these numbers.\n" in printed
+    assert "the budget of the error is that of a liquid" in refused(*question, "--budget")

@@ -940,7 +940,8 @@ def ask_closed(made: Made) -> int:
 def creep(made: Made) -> int:
     """The leak at the loads of two solved steps, `roughvol creep RUN --law LAW --at LOAD --times TIMES`."""
     every = [surface for group in made.groups for surface in group.surfaces]
-    paths = [_path(surface, "leak_rate_{}", made.kind.squares) for surface in every]
+    leak_rate = "gas_leak_rate_{}" if made.kind.name == "gas-alone" else "leak_rate_{}"
+    paths = [_path(surface, leak_rate, made.kind.squares) for surface in every]
     p = paths[0]["p"] if paths else np.array([1.0, 2.0])
     first = 1 if p.size > 2 else 0
     ends = [float(p[first]), min([float(p[first + 1]), *(float(path["p"][-1]) for path in paths)])]

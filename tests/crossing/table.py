@@ -37,8 +37,8 @@ class Cells:
 NO_LEAK = dict.fromkeys(("D", "ensemble", "own", "mean-plane", "unpressed"), "which the run does not have")
 PRESSED_AGAIN = (
     "one sealed bodies spectrum materials layers regions legs one-way coupled gas gas-alone lifted-gas region "
-    "mirrored periodic closed some-closed percolation mean-plane to-pressure to-area force nominal gap records unpressed study-changed "
-    "file-changed"
+    "mirrored periodic closed some-closed percolation mean-plane to-pressure to-area force nominal gap records "
+    "unpressed study-changed file-changed"
 )
 ONE_MAP = {
     "seeds": "heights have shape (3, 17, 17); allowed: two axes",
@@ -48,8 +48,8 @@ ONE_MAP = {
     **dict.fromkeys(("ensemble", "own"), "unexpected keyword argument 'ensemble'"),
 }
 ONE_KIND = (
-    "one seeds sealed files bodies spectrum gas region mirrored periodic closed some-closed percolation to-pressure "
-    "to-area force nominal gap records"
+    "one seeds sealed files bodies spectrum gas gas-alone region mirrored periodic closed some-closed "
+    "percolation to-pressure to-area force nominal gap records"
 )
 SEVERAL = {
     "m": "the run has several m",
@@ -60,7 +60,6 @@ SEVERAL = {
 }
 READ_OFF = SEVERAL | OTHER_RESULTS | UNPRESSED
 NO_LEAK_RATE = dict.fromkeys(("D", "ensemble", "own", "mean-plane"), "the run has no leak rates")
-OF_LIQUID = {"gas-alone": "record dimensional.leak_rate"}
 CELLS = {
     "run": Cells(f"{PRESSED} unpressed", OTHER_RUN),
     "show": Cells(PRESSED, SHOWN),
@@ -85,12 +84,12 @@ CELLS = {
             "unpressed": "a leak card needs a load",
         },
     ),
-    "ask": Cells(f"{ONE_KIND} gas-alone legs", READ_OFF | NO_LEAK_RATE),
+    "ask": Cells(f"{ONE_KIND} legs", READ_OFF | NO_LEAK_RATE),
     "ask --closed": Cells(
-        f"{ONE_KIND} gas-alone legs mean-plane",
+        f"{ONE_KIND} legs mean-plane",
         READ_OFF | {"D": "the run has several D"} | dict.fromkeys(("ensemble", "own"), "the run has several m"),
     ),
-    "creep": Cells(ONE_KIND, READ_OFF | NO_LEAK_RATE | OF_LIQUID | {"legs": "the surface yields"}),
+    "creep": Cells(ONE_KIND, READ_OFF | NO_LEAK_RATE | {"legs": "the surface yields"}),
     "check": Cells(f"{PRESSED} unpressed study-changed file-changed"),
     "status": Cells(f"{PRESSED} unpressed", OTHER_RUN),
 }
