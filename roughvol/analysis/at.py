@@ -296,7 +296,7 @@ def _close_where_solved(
         if name in lifted or "step" not in group[name].dims or not name.startswith((*BY_LOGARITHM, *WAYS)):
             continue
         before, after = _around(group, name, reached, places)
-        with np.errstate(invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):  # a step may lie at the closing load
             share = np.clip((closes - load[:, None]) / (closes - np.where(before > 0.0, *ends)), 0.0, 1.0)
         last = np.maximum(before, after)  # of the open end
         inside = np.isfinite(share) & (np.minimum(before, after) == 0.0) & (last > 0.0)

@@ -340,6 +340,14 @@ def test_a_way_is_closed_from_its_solved_closing_load_on(tmp_path: Path) -> None
     assert bool((recorded.leak_rate.where(shut, 0.0) == 0.0).all())
 
 
+def test_a_state_before_a_first_step_at_the_closing_load_is_read(tmp_path: Path) -> None:
+    text = SEAL.replace("steps: 10", "steps: 1").replace("record:", "record:\n  fields_at: {pressure: 0.02 MPa}")
+    text = text.replace("every-step, trans", "every-step, closing: true, trans")
+    ds = roughvol.run(loads(text), out=tmp_path, jobs=1)
+    assert np.any(ds.closing_pressure.max("axis") == ds.mean_pressure.isel(step=0))
+    assert_allclose(ds.roughvol.at(pressure="0.02 MPa").nominal_pressure, 0.02, rtol=1e-5)
+
+
 @pytest.mark.parametrize("step", ["0.02", "2"])
 def test_a_way_is_closed_beside_the_sweep_from_its_solved_closing_load_on(step: str, tmp_path: Path) -> None:
     text = SEAL.replace("{steps: 10, to: percolation}", f"{{pressures: [{step} MPa]}}")
