@@ -210,8 +210,8 @@ def _within_reach(
     low, high = max(curve.begins for curve in curves_of), min(curve.ends for curve in curves_of)
     if equivalent[0] < low * (1.0 - REACHED):
         refuse(
-            f"at {seconds[0]:.4g} s the state is that of {equivalent[0]:.4g} {unit}; the sweep begins at "
-            f"{low:.4g} {unit}: give more steps at low load"
+            f"at {seconds[0]:.4g} s the state is that of {equivalent[0]:.4g} {unit}; the leak is known from "
+            f"{low:.4g} {unit} on: give more steps at low load"
         )
     late = np.flatnonzero(equivalent > high * (1.0 + REACHED))
     if late.size:

@@ -143,7 +143,7 @@ def test_the_leak_at_a_time_is_that_of_a_new_run_with_its_modulus(seconds: float
 
 
 @pytest.mark.parametrize(
-    ("pressure", "words"), [(0.03, "sweep ends at .* reached up to"), (0.1, "reached at no time"), (1e-6, "begins at")]
+    ("pressure", "words"), [(0.03, "sweep ends at .* reached up to"), (0.1, "reached at no time"), (1e-6, "known from")]
 )
 def test_nothing_is_extrapolated(pressure: float, words: str, run: Dataset, tmp_path: Path) -> None:
     with pytest.raises(StudyError, match=words):
@@ -285,6 +285,17 @@ def test_a_seal_that_is_closed_has_no_error_of_its_leak(run: Dataset, tmp_path: 
     law = _law("table: {times: [1 s, 8 s], ratios: [1, 8]}", tmp_path)
     closed = creep.history(_swept([[9.0, 0.0, 0.0, 0.0]], run), law, 1e-3, [2.0, 8.0])
     assert creep.table_of(closed).note == "read off the stored sweep"
+
+
+def test_a_joint_that_closes_before_its_first_step_is_known_from_its_closing_load_on(
+    run: Dataset, tmp_path: Path
+) -> None:
+    law = _law("table: {times: [1 s, 8 s], ratios: [1, 8]}", tmp_path)
+    closed = _swept([[0.0, 0.0, 0.0, 0.0]], run)
+    closed["closing_pressure"] = (*closed.Sq.dims, "axis"), np.full((1, 1, 1, 2), 5e-3)  # p*, that is 0.0005 MPa
+    assert creep.history(closed, law, 6e-4, [1.0]).leak["x"].value == 0.0
+    with pytest.raises(StudyError, match=r"that of 0\.0002 MPa; the leak is known from 0\.0005 MPa on"):
+        creep.history(closed, law, 2e-4, [1.0])
 
 
 # two elastic bodies
