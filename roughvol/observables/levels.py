@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -144,8 +144,6 @@ def at_level(level: Level, between: Between) -> Contact:
     value = level.value or 0.0
     options = options_of(case, surface)
     options = _coarse(options) if level.kind.startswith("percolation") else options
-    if not earlier and level.kind in ("free_volume", "separation"):
-        check_touch(level, case, surface, Trials(surface, half_space, options).untouched)
     falls = bool(earlier) and after.approach < earlier[-1]["indentation"]
     if searched(level, surface):
         target = target_of(level, case, surface)
@@ -187,10 +185,22 @@ def _coarse(options: Options) -> Options:
     return replace(options, search=replace(options.search, accuracy=CLOSING))
 
 
-def check_touch(level: Level, case: Case, surface: Surface, untouched: Contact) -> None:
-    """Refuse a free volume or a separation that is not below that of the first touch."""
+def before_touch(levels: Iterable[Level], case: Case, surface: Surface, half_space: Compliance) -> set[Level]:
+    """Return the levels of the first leg that no state of contact has: those of a wider gap than the first touch."""
+    some = [level for level in levels if level.kind in ("free_volume", "separation") and level.leg is None]
+    untouched = Trials(surface, half_space, options_of(case, surface)).untouched if some else None
+    return {level for level in some if untouched and (level.value or 0.0) >= _at_touch(level, case, surface, untouched)}
+
+
+def _at_touch(level: Level, case: Case, surface: Surface, untouched: Contact) -> float:
+    """Return the separation or the free volume at first touch, over σ."""
     separation = (surface.z_max - surface.mean_height) / surface.unit
-    most = separation if level.kind == "separation" else float(within(untouched, case).gap().mean())
+    return separation if level.kind == "separation" else float(within(untouched, case).gap().mean())
+
+
+def check_touch(level: Level, case: Case, surface: Surface, untouched: Contact) -> None:
+    """Refuse a sweep to a free volume or a separation that is not below that of the first touch."""
+    most = _at_touch(level, case, surface, untouched)
     if (level.value or 0.0) >= most:
         message = f"{level.label} lies before the first touch; allowed: below {most:.6g} σ, that of the first touch"
         raise ContactError(message)

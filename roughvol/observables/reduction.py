@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from roughvol.contact.loading import Compliance, Contact
-from roughvol.observables.levels import Between, at_level, closing, is_end, on_legs, reached
+from roughvol.observables.levels import Between, at_level, before_touch, closing, is_end, on_legs, reached
 from roughvol.observables.own import register
 from roughvol.observables.regions import Values, View, within
 from roughvol.observables.requests import asked, fields_of, value_of
@@ -63,6 +63,8 @@ class Reduction:
         levels = {name: by and on_legs(by, case) for name, by in asked(case.record).items()}
         self._along = {name: by for name, by in levels.items() if not OBSERVABLES[name].dim}
         self._at = {name: by or {} for name, by in levels.items() if OBSERVABLES[name].dim}
+        every = {level for by in self._at.values() for level in by.values()}
+        self._never = before_touch(every, case, surface, half_space)
         self._values: Values = {}
         self._kept: dict[str, dict[str, tuple[int, Values]]] = {name: {} for name in levels}  # by label; once reached
         self._seconds = {name: 0.0 for name in levels if OBSERVABLES[name].seconds}
@@ -103,7 +105,7 @@ class Reduction:
         wanted: dict[Level, list[tuple[str, str]]] = {}
         for name, by_label in self._at.items():
             for label, level in by_label.items():
-                if first(name, label, level):
+                if level not in self._never and first(name, label, level):
                     wanted.setdefault(level, []).append((name, label))
         for level, places in wanted.items():
             there = self._view(self._solved(level, step, whole))
