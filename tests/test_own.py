@@ -91,7 +91,7 @@ TUTORIAL = Path(__file__).parents[1] / "docs" / "tutorials" / "own-quantity.md"
 
 def forget():
     """Import the modules of quantities anew, as another process does."""
-    for module in ("mine", "gaps"):
+    for module in ("mine", "gaps", "my_gaps"):
         sys.modules.pop(module, None)
     own.function_of.cache_clear()
 
@@ -291,7 +291,7 @@ def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path):
 
 def test_the_tutorial_runs_from_an_empty_folder():
     blocks = re.findall(r"```(python|yaml)\n(.*?)```", TUTORIAL.read_text(), re.DOTALL)
-    (_, module), (_, yaml), (_, use) = blocks[:3]
+    (_, module), (_, yaml), (_, use), (_, number), (_, mean) = blocks
     assert len([line for line in module.splitlines() if line.strip()]) <= 12
     Path("gaps.py").write_text(module)
     Path("seal.yaml").write_text(yaml.replace("m: 6", "m: 4"))
@@ -300,3 +300,7 @@ def test_the_tutorial_runs_from_an_empty_folder():
     exec(use, names)
     total = float(names["ds"].gap_share.sum())
     assert 38.0 < total <= 40.0  # 10 steps of 4 surfaces, but for gaps beyond the last class
+    Path("my_gaps.py").write_text(number)
+    Path("mean.yaml").write_text(mean.replace("m: 6", "m: 4").replace("2 %", "20 %"))
+    assert "mean largest_gap at pressure = 0.1, D = 2.3, m = 4: " in said("run", "mean.yaml", "--jobs", "1")
+    assert said("plot", "mean_gaps", "largest_gap_of_p") == "runs/mean_gaps/figures/largest_gap_of_p.png\n"
