@@ -60,11 +60,13 @@ def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], fig
     1
     """
     from roughvol.report.figures import content
+    from roughvol.study import check_type
 
     several = isinstance(results, Mapping) and not hasattr(results, "attrs")  # a dataset is a mapping with attributes
     each: Mapping[str, Any] = results if several else {"": results}  # type: ignore[assignment]
     stored = [(str(name), opened(one)) for name, one in each.items()]
     runs = content.parts([(name or run.name, run.dataset) for name, run in stored])
+    check_type(figure, str, "a figure is text")
     check_known([figure], runs)
     found, refused = drawings(runs, [figure], alone=len(stored) == 1)
     if len(found) == 1 and not refused:

@@ -24,7 +24,7 @@ import itertools
 import json
 import math
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -60,19 +60,28 @@ def opened(run: Dataset | StoredRun | str | Path | None, changes: Changes = ()) 
     """Return the run of a name, a path or a dataset in memory; None is the latest run."""
     from roughvol.store import StoredRun
     from roughvol.store.variants import whole
-    from roughvol.study import changes_of
+    from roughvol.study import changes_of, check_type
 
     if run is None or isinstance(run, str | Path):
         return StoredRun.open(run, changes_of(changes))
     if isinstance(run, StoredRun):
         return run
-    if not hasattr(run, "attrs"):
-        raise DatasetError(f"a run is a name, a path or a dataset, given an object of the type {type(run).__name__}")
     from roughvol.analysis.stored_run import Run
+    from roughvol.store.dataset import Dataset
+
+    check_type(run, Dataset, "a run is a name, a path or a dataset")
     from roughvol.report.figures import origin
 
     name = origin.run_name(run) or "dataset"
     return StoredRun(Path(f"{name}.nc"), Run.of(name, whole(run)).dataset)
+
+
+def _each_opened(runs: Iterable[Dataset | str | Path], changes: Changes) -> list[StoredRun]:
+    """Return several runs."""
+    from roughvol.study import check_type
+
+    check_type(runs, Iterable, "runs are a list of names, paths and datasets", but=(str, bytes, Mapping))
+    return [opened(run, changes) for run in runs]
 
 
 def study_of(
@@ -483,11 +492,12 @@ def card(
     from roughvol.analysis.leak_budget import check_reached
     from roughvol.campaign import card as computed
     from roughvol.campaign import interpretation
+    from roughvol.store import folder_of
     from roughvol.study import changes_of, levels
 
     done: list[int] = []  # numbers of cases computed now
     (asked, _), texts = study_of(study, changes, of_run=not fresh), changes_of(changes)
-    folder = Path(out or Path("runs") / f"{asked.name}_card")
+    folder = folder_of(asked, out or Path("runs") / f"{asked.name}_card")
     found: dict[tuple[str, str], dict[str, CardRuns]] = {}
     cards = Cards(asked, str(study) if isinstance(study, str | Path) else asked.name, texts, folder, found)
     loads = levels(at)
@@ -591,7 +601,7 @@ def compare(runs: Sequence[Dataset | str | Path], at: Loads = (), *, changes: Ch
     from roughvol.report import screen
     from roughvol.study import levels
 
-    stored = [Run.of(run.name, run.dataset) for run in (opened(run, changes) for run in runs)]
+    stored = [Run.of(run.name, run.dataset) for run in _each_opened(runs, changes)]
     if sum(len(run.parts) for run in stored) < 2:
         raise DatasetError("compare takes two runs or more; one is shown by: roughvol show RUN")
     return screen.compared(stored, levels(at))
@@ -657,8 +667,8 @@ def report_on(runs: Sequence[str | Path] = (), *, changes: Changes = ()) -> Repo
     from roughvol.reproduction.sections import report_of
     from roughvol.store import StoredRun, run
 
-    found, refused = [opened(name, changes) for name in runs], []
-    for folder in () if runs else run.with_results():
+    found, refused = _each_opened(runs, changes), []
+    for folder in () if found else run.with_results():
         try:
             found.append(StoredRun.open(folder))
         except DatasetError as error:
@@ -895,10 +905,11 @@ def explain(name: str | None = None) -> Explained:
     """
     from roughvol.observables.variables import VARIABLES, columns_of
     from roughvol.store.record_key import record_key
-    from roughvol.study import Fluid
+    from roughvol.study import Fluid, check_type
     from roughvol.study.reference import keys
     from roughvol.study.sections.fluid import SUBSTANCES
 
+    check_type(name, (str, type(None)), "a name is text")
     word = (name or "").strip().strip(".")
     if not word:
         return Explained("", tuple(key for key in keys() if "." not in key.path))

@@ -5,13 +5,17 @@ from __future__ import annotations
 import importlib.util
 import re
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
 import roughvol
+from roughvol.study import load_creep
 
 PAGE = Path(__file__).parents[1] / "docs" / "how-to" / "from-python.md"
 BLOCKS = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
@@ -71,3 +75,50 @@ def test_messages_begin_as_their_comments_say(names: dict[str, Any]) -> None:
     assert len(said) == len(names["printed"]) == 4
     for printed, start in zip(names["printed"], said, strict=True):
         assert printed.startswith(start)
+
+
+def pressed() -> xr.Dataset:
+    """A dataset in memory."""
+    return roughvol.press(np.eye(3), L=2.0, steps=1, surface={"sides": "free"})
+
+
+TINY = {"name": "tiny", "surface": {"D": 2.5, "m": 3, "seeds": 2}, "sweep": {"steps": 2}}
+RUNS = "runs are a list of names, paths and datasets, given a value of the type "
+WRONG: list[tuple[Callable[[Any], Any], Any, str]] = [
+    (roughvol.open, 3, "a run is a name or a path, given a value of the type int"),
+    (roughvol.show, b"joint", "a run is a name, a path or a dataset, given a value of the type bytes"),
+    (roughvol.compare, "joint", f"{RUNS}str"),
+    (roughvol.compare, 3, f"{RUNS}int"),
+    (roughvol.report_on, Path("joint"), f"{RUNS}PosixPath"),
+    (roughvol.report_on, {"joint": 1}, f"{RUNS}dict"),
+    (lambda figure: roughvol.plot(pressed(), figure), 3, "a figure is text, given a value of the type int"),
+    (lambda name: pressed().roughvol.mean(name), ["seed"], "a dimension is text, given a value of the type list"),
+    (lambda name: pressed().roughvol.quantity(name), [], "the name of a variable is text, given a value .* list"),
+    (roughvol.explain, 3, "a name is text, given a value of the type int"),
+    (roughvol.load, None, "a study file is a path, given a value of the type NoneType"),
+    (roughvol.runs, 3, "the folder of runs is a path, given a value of the type int"),
+    (load_creep, 3, "a creep law is a mapping or the path of its file, given a value of the type int"),
+    (lambda jobs: roughvol.check(TINY, jobs=jobs), 2.5, "jobs is 2.5; allowed: a whole number, 1 or more"),
+    (lambda at: roughvol.run(TINY, scheduler=at), 3, "the scheduler's address is text, given a value of the type int"),
+    (lambda out: roughvol.card(TINY, out=out), 3, "the folder of the results is a path, given a value of the type int"),
+    (lambda only: roughvol.run(TINY, only=only), "id", "only is a list of ids of cases, given a value of the type str"),
+    (lambda only: roughvol.run(TINY, only=only), [3], "only: 3 names no case of this study"),
+    (lambda changes: roughvol.check(TINY, changes=changes), 3, "changes are a mapping, .* the type int"),
+]
+
+
+@pytest.mark.parametrize(("function", "argument", "words"), WRONG)
+def test_an_argument_of_a_type_without_meaning_is_named(
+    function: Callable[[Any], Any], argument: Any, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(roughvol.errors.RoughvolError, match=f"^{words}"):
+        function(argument)
+    assert not list(tmp_path.iterdir())
+
+
+def test_cases_are_taken_from_a_generator(tmp_path: Path) -> None:
+    first, second = (case.id for case in roughvol.study.of_data(TINY).cases())
+    ds = roughvol.run(TINY, out=tmp_path, jobs=1, only=(id for id in [second]))
+    assert ds.attrs["case_ids"] == f'["{second}"]'
+    assert first not in ds.attrs["case_ids"]

@@ -20,7 +20,7 @@ from roughvol.analysis.derived import check_pressed, derived, groups
 from roughvol.analysis.stored_run import Run, answers
 from roughvol.errors import DatasetError
 from roughvol.store.variants import SURFACES, chosen, parts_of, recorded, whole, widened
-from roughvol.study import Level, level, quantity, text_of_value
+from roughvol.study import Level, check_type, level, quantity, text_of_value
 from roughvol.typing import Load, Number
 
 NAME = "dataset"  # in messages: a dataset has no name of its own
@@ -198,6 +198,7 @@ class Accessor:
         >>> print(ds.roughvol.quantity("Sq", "um").round(1))
         400.0 micrometer
         """
+        check_type(name, str, "the name of a variable is text")
         if name not in self._ds.variables:
             raise DatasetError(ABSENT.format(name))
         variable = self._ds[name]
@@ -236,6 +237,7 @@ class Accessor:
         >>> ds["free_volume"].dims, ds["free_volume_count"].values.ravel().tolist()
         (('D', 'm', 'step'), [3, 3])
         """
+        check_type(over, str, "a dimension is text")
         if over not in self._ds.dims:
             raise DatasetError(f"no dimension {over!r}; allowed: {', '.join(map(str, self._ds.dims))}")
         return average.averages(self._ds, over)

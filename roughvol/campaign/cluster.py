@@ -14,6 +14,7 @@ from concurrent.futures import Future
 from typing import Any, TypeVar
 
 from roughvol.errors import CampaignError
+from roughvol.study import check_type
 
 Task = TypeVar("Task")
 Function = Callable[[Task, Callable[[Any], None], Callable[[], bool]], Any]  # of a task, see `workers.each`
@@ -31,6 +32,7 @@ _one_at_a_time = threading.Lock()  # threads of a Dask worker cannot share netCD
 
 def check_address(scheduler: str) -> None:
     """Refuse an address that is no ``host:port`` or ``protocol://host:port`` with one of `PROTOCOLS`."""
+    check_type(scheduler, str, "the scheduler's address is text", CampaignError)
     match = _ADDRESS.fullmatch(scheduler)
     if match is None or not 0 < int(match["port"]) < 1 << 16:
         message = (

@@ -183,6 +183,7 @@ def estimate(study: Study, jobs: int | None = None) -> Estimate:
 
 
 def _estimate(cases: Sequence[Case], jobs: int | None) -> Estimate:
+    machine.check_jobs(jobs)
     jobs = min(jobs or machine.cores(), len(cases))
     alike = [(case, shape_of(case), number) for case, number in _alike(cases)]
     needs = [need for case, shape, number in alike for need in [memory_of(case, shape)] * min(number, jobs)]

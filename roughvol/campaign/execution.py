@@ -7,12 +7,11 @@ the machine nor on the number of processes: one thread sums, and no state that c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
-from numbers import Integral
 from pathlib import Path
 
-from roughvol.campaign import cluster, collection, cost, interpretation, inventory
+from roughvol.campaign import cluster, collection, cost, interpretation, inventory, machine
 from roughvol.campaign.batch import Batch, Control, OnEvent, Progress
 from roughvol.campaign.checks import check_surfaces
 from roughvol.errors import CampaignError, DatasetError, FolderError
@@ -20,7 +19,7 @@ from roughvol.observables.own import register
 from roughvol.store import lock, run_folder, same_study, sample_plan, stamped_file
 from roughvol.store.dataset import Dataset
 from roughvol.store.run_folder import folder_of
-from roughvol.study import Case, Study, load
+from roughvol.study import Case, Study, check_type, load
 
 
 def run(
@@ -42,8 +41,7 @@ def run(
     study = study if isinstance(study, Study) else load(study)
     if scheduler is not None:
         cluster.check_address(scheduler)
-    if jobs is not None and not (isinstance(jobs, Integral) and jobs >= 1):
-        raise CampaignError(f"jobs is {jobs!r}; allowed: a whole number, 1 or more")
+    machine.check_jobs(jobs)
     control = Control(jobs, scheduler, on_event, stopping)
     surface = check_surfaces(study, made)
     shape = surface.shape if surface is not None else None
@@ -100,9 +98,11 @@ def _wanted(study: Study, cases: Mapping[str, Case], only: Collection[str] | Non
         return set(cases)
     if study.ensemble is not None:
         raise CampaignError("only: an ensemble decides itself which cases it needs")
-    if not only or (strange := set(only) - cases.keys()):
-        raise CampaignError(f"only: {', '.join(sorted(strange)) if only else 'nothing'} names no case of this study")
-    return set(only)
+    check_type(only, Iterable, "only is a list of ids of cases", CampaignError, but=(str, bytes, Mapping))
+    wanted = {str(id) for id in only}
+    if not wanted or (strange := wanted - cases.keys()):
+        raise CampaignError(f"only: {', '.join(sorted(strange)) if wanted else 'nothing'} names no case of this study")
+    return wanted
 
 
 def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset:

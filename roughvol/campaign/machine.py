@@ -8,7 +8,10 @@ import contextlib
 import errno
 import os
 import shutil
+from numbers import Integral
 from pathlib import Path
+
+from roughvol.errors import CampaignError
 
 try:
     import resource
@@ -21,6 +24,12 @@ LIBRARIES, PER_CORE = 4.5e8, 5e7
 # Beside a case. A library without its buffers may retry forever, so the limit must not be reached.
 SPARE, AS_MUCH_AGAIN = 1e8, 1.5
 _MESSAGES = ("failed to map segment", "cannot allocate memory", "thread-local data", "can't start new thread")
+
+
+def check_jobs(jobs: int | None) -> None:
+    """Refuse a number of processes that is no whole number, 1 or more; None is one a core."""
+    if jobs is not None and not (isinstance(jobs, Integral) and jobs >= 1):
+        raise CampaignError(f"jobs is {jobs!r}; allowed: a whole number, 1 or more")
 
 
 def address_space() -> float | None:

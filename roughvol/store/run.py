@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from roughvol.errors import DatasetError, FolderError, Problem, StudyError, SurfaceError
 from roughvol.store import run_folder, same_study, sample_plan
-from roughvol.study import HeightFile, Study, changes_of, load, loads
+from roughvol.study import HeightFile, Study, changes_of, check_type, load, loads
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -120,8 +120,7 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
     """Return the file of the results of a run, the results, and the study that the run was opened by."""
     from roughvol.store import dataset  # xarray: a second
 
-    if not isinstance(run, str | Path | None):
-        raise DatasetError(f"a run is a name or a path, given an object of the type {type(run).__name__}")
+    check_type(run, (str, Path, type(None)), "a run is a name or a path")
     given = load(run, changes) if run is not None and is_study_file(run) else None
     files = [_latest()] if run is None else _files(run, given)
     if run is not None and changes and given is None and is_run(run):

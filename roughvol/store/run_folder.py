@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 from roughvol.errors import DatasetError, FolderError
 from roughvol.store import stamped_file
-from roughvol.study import Case, Study
+from roughvol.study import Case, Study, check_type
 
 MAX_BYTES = 1 << 20  # of the small text files read here
 QUICK_BYTES = 1 << 20  # size up to which `status` verifies a case file as well
@@ -43,8 +43,7 @@ def folder_of(study: Study, out: str | Path | None = None) -> Path:
     Path
         The folder, which may not exist yet.
     """
-    if not isinstance(out, str | os.PathLike | None):
-        raise FolderError(f"the folder of the results is a path, given a value of the type {type(out).__name__}")
+    check_type(out, (str, os.PathLike, type(None)), "the folder of the results is a path", FolderError)
     return Path("runs") / study.name if out is None else Path(out)
 
 

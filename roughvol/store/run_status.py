@@ -6,6 +6,7 @@ It imports no library that computes, and verifies small case files in full: ten 
 from __future__ import annotations
 
 import contextlib
+import os
 import time
 from collections import Counter
 from collections.abc import Mapping
@@ -16,7 +17,7 @@ from roughvol.errors import DatasetError, FolderError, StudyError
 from roughvol.store import lock, run_folder, same_study, sample_plan
 from roughvol.store.lock import Holder
 from roughvol.store.run_folder import case_file, folder_of
-from roughvol.study import HeightFile, Study, load, loads
+from roughvol.study import HeightFile, Study, check_type, load, loads
 
 
 @dataclass(frozen=True)
@@ -135,6 +136,7 @@ class Listed:
 
 def listed(folder: str | Path) -> list[Listed]:
     """Return the runs in a folder, the latest first."""
+    check_type(folder, (str, os.PathLike), "the folder of runs is a path")
     folder = Path(folder)
     if not folder.is_dir():
         raise DatasetError(f"no folder {folder}: roughvol run STUDY makes runs/NAME")

@@ -5,6 +5,8 @@ from .case import ANSWER_FORMAT as ANSWER_FORMAT
 from .case import Case as Case
 from .plain_data import Arguments as Arguments
 from .python_data import changes_of as changes_of
+from .python_data import check_type as check_type
+from .python_data import refused as refused
 from .python_data import text_of_value as text_of_value
 from .reading import changed as changed
 from .reading import load as load

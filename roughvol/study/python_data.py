@@ -11,10 +11,10 @@ from __future__ import annotations
 import json
 import numbers
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from roughvol.errors import Problem, StudyError
+from roughvol.errors import DatasetError, Problem, RoughvolError, StudyError
 from roughvol.study.plain_data import KeyPath, key_text, number_text
 from roughvol.study.values.units import is_known
 
@@ -28,6 +28,49 @@ TIMES = ("m", "M")  # kinds of the types of numpy: differences of times, and tim
 PERCENT = "%"  # a share of a mean in an ensemble, and no number
 DIFFERENCE = "Δ"  # of temperatures
 GIVES_UNIT = "surface.L"
+
+
+def check_type(
+    value: object,
+    kinds: type | tuple[type, ...],
+    words: str,
+    error: Callable[[str], RoughvolError] = DatasetError,
+    *,
+    but: tuple[type, ...] = (),
+) -> None:
+    """Refuse an argument of a type without meaning.
+
+    Parameters
+    ----------
+    value : object
+        The argument.
+    kinds : type or tuple of types
+        Its types.
+    words : str
+        The argument and its types in words, as "a figure is text".
+    error : callable
+        Class of the error.
+    but : tuple of types
+        Types among ``kinds`` without meaning, as a text in place of a list of texts.
+    """
+    if not isinstance(value, kinds) or isinstance(value, but):
+        raise error(f"{words}, given a value of the type {type(value).__name__}")
+
+
+def refused(message: str) -> StudyError:
+    """Return the error of a study with one problem.
+
+    Parameters
+    ----------
+    message : str
+        The problem.
+
+    Returns
+    -------
+    StudyError
+        The error.
+    """
+    return StudyError([Problem(message)])
 
 
 def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
@@ -117,10 +160,9 @@ def changes_of(changes: Changes) -> tuple[str, ...]:
         return (changes,)
     if not isinstance(changes, Mapping):
         texts = tuple(changes) if isinstance(changes, Iterable) else (changes,)
-        if all(isinstance(text, str) for text in texts):
-            return texts
-        message = 'changes are a mapping, as {"surface.m": 6}, or texts, as "surface.m=6"'
-        raise StudyError([Problem(f"{message}, given a value of the type {type(changes).__name__}")])
+        if not all(isinstance(text, str) for text in texts):
+            check_type(changes, (), 'changes are a mapping, as {"surface.m": 6}, or texts, as "surface.m=6"', refused)
+        return texts
     return tuple(f"{key}={_text(value)}" for key, value in _plain_or_refused(changes).items())
 
 

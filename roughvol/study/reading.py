@@ -6,6 +6,7 @@ broken rules across sections. All problems are sorted by line.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -31,7 +32,7 @@ from roughvol.study.plain_data import (
     show,
     write,
 )
-from roughvol.study.python_data import changes_of, plain
+from roughvol.study.python_data import changes_of, check_type, plain, refused
 from roughvol.study.sections.strict import names
 from roughvol.study.sections.surface import UNSAID
 from roughvol.study.study import Study
@@ -78,6 +79,7 @@ def load(path: str | Path, changes: Changes = ()) -> Study:
     >>> roughvol.load("tiny.yaml", {"surface.m": 4}).surface.m
     (4,)
     """
+    check_type(path, (str, os.PathLike), "a study file is a path", refused)
     file = printable(str(path))
     content, text, line, message = b"", "", None, ""
     try:
@@ -152,9 +154,7 @@ def changed(study: Study, changes: Sequence[str]) -> Study:
     Study
         The changed study.
     """
-    if not isinstance(study, Study):
-        message = f"a study is a file, a mapping or a Study, given a value of the type {type(study).__name__}"
-        raise StudyError([Problem(message)])
+    check_type(study, Study, "a study is a file, a mapping or a Study", refused)
     values = {key_text(keys): value for keys, value in map(_key_and_value, changes)}
     return study.changed(**values) if values else study
 

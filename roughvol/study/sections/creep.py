@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -31,7 +32,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from roughvol.errors import Problem, StudyError
 from roughvol.study.plain_data import Arguments, KeyPath, Reading, UnreadableError, key_text, write
-from roughvol.study.python_data import plain, text_of_value
+from roughvol.study.python_data import check_type, plain, refused, text_of_value
 from roughvol.study.sections.material import ContactModulus, YoungPoisson
 from roughvol.study.sections.strict import Strict, names, optional
 from roughvol.study.validation import in_words, models_of
@@ -204,6 +205,7 @@ def load_creep(given: str | Path | Mapping[str, Any]) -> Creep:
     Creep
         The law.
     """
+    check_type(given, (str, os.PathLike, Mapping), "a creep law is a mapping or the path of its file", refused)
     reading = Reading("a creep law is a mapping (key: value) with one of prony, power, table")
     problems: dict[KeyPath, str] = {}
     file, arguments = ("", ARGUMENTS) if isinstance(given, Mapping) else (str(given), None)
