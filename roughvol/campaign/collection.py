@@ -110,8 +110,5 @@ def _joined(found: Finished, cases: Mapping[str, Case], study: Study) -> Dataset
             arrays = {id: found.arrays[id] for id in held}
             parts.append((variant, combined(Finished(arrays, found.versions), held, variant.study)))
     attributes = {str(name): str(text) for name, text in parts[0][1].attrs.items()}
-    for name in ("surface", "region"):
-        if len({part.attrs.get(name) for _, part in parts}) > 1:
-            attributes[name] = "; ".join(dict.fromkeys(filter(None, (part.attrs.get(name) for _, part in parts))))
     attributes |= {"study": study.stored(), "case_ids": provenance.ids_text(found.arrays)}
-    return variants.joined(parts, study.axes, attributes | {"warnings": variants.warnings_of(parts)})
+    return variants.joined(parts, study.axes, attributes | variants.lines_of(parts))

@@ -69,7 +69,8 @@ def write(report: Report, folder: Path) -> Path:
 def document(report: Report) -> Document:
     """Return the page."""
     own = (_run(run, report.figures, f"run-{k}") for k, run in enumerate(report.own, start=1))
-    title = report.title or ", ".join(run.name for run in report.own)
+    runs = dict.fromkeys(run.name.partition(", ")[0] for run in report.own)  # without the words of combinations
+    title = report.title or ", ".join(runs)
     sections = (*report.before, *own, *_yielding(report.runs), *report.after, _runs(report.runs), _cite(report))
     return Document(title, f"{report.lead}.", report.chips, tuple(sections))
 

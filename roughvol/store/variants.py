@@ -20,6 +20,7 @@ from roughvol.store import dataset
 from roughvol.study import AXES, Axis, Study, Variant, loads
 
 SURFACES = (*AXES, "D", "m", "seed", "case")  # dimensions of lists and surfaces
+IN_LINES = ("warnings", "surface", "region")  # attributes with lines; those of some combinations have their words
 
 
 def joined(
@@ -122,17 +123,18 @@ def parts_of(results: Dataset) -> list[Part]:
         message = f"the study of a dataset with the axes {', '.join(held)} cannot be read again: {error}"
         raise DatasetError(message) from error
     found = []
-    warnings = str(results.attrs.get("warnings", "")).splitlines()
-    endings = {variant.words: f" ({variant.words})" for variant in study.variants}  # of warnings of a combination
+    lines = {name: str(results.attrs[name]).splitlines() for name in IN_LINES if name in results.attrs}
+    endings = {variant.words: f" ({variant.words})" for variant in study.variants}
     stored = {name: results[name].values.tolist() for name in held}
     for variant in study.variants:
         labels = dict(variant.labels)
         if labels.keys() != set(held) or any(label not in stored[name] for name, label in labels.items()):
             continue
         others = tuple(ending for words, ending in endings.items() if words != variant.words)
-        lines = [line.removesuffix(endings[variant.words]) for line in warnings if not line.endswith(others)]
-        part = results.sel(labels).drop_vars(held)
-        part = part.assign_attrs(study=variant.study.stored(), warnings="\n".join(lines))
+        part = results.sel(labels).drop_vars(held).assign_attrs(study=variant.study.stored())
+        for name, of_all in lines.items():
+            own = (line.removesuffix(endings[variant.words]) for line in of_all if not line.endswith(others))
+            part.attrs[name] = "\n".join(own)
         found.append(Part(variant.words, labels, part))
     if not found:
         raise DatasetError(f"the study of the dataset has no combination with its values of {', '.join(held)}")
@@ -145,11 +147,14 @@ def of_one_combination(results: Dataset) -> Dataset:
     return parts[0].dataset if len(parts) == 1 else results
 
 
-def warnings_of(parts: Sequence[tuple[Variant[Study], Dataset]]) -> str:
-    """Return the warnings of all combinations; those of some have their words behind them."""
-    lines = [(variant.words, str(part.attrs.get("warnings", "")).splitlines()) for variant, part in parts]
-    found = []
-    for text in dict.fromkeys(itertools.chain(*(own for _, own in lines))):
-        having = [words for words, own in lines if text in own]
-        found += [text] if len(having) == len(lines) else [f"{text} ({words})" for words in having]
-    return "\n".join(found)
+def lines_of(parts: Sequence[tuple[Variant[Study], Dataset]]) -> dict[str, str]:
+    """Return the attributes with lines that any combination has; the lines of some have their words behind them."""
+    found = dict[str, str]()
+    for name in IN_LINES:
+        every = [(variant.words, str(part.attrs[name]).splitlines()) for variant, part in parts if name in part.attrs]
+        lines = list[str]()
+        for text in dict.fromkeys(itertools.chain(*(own for _, own in every))):
+            having = [words for words, own in every if text in own]
+            lines += [text] if len(having) == len(parts) else [f"{text} ({words})" for words in having]
+        found |= {name: "\n".join(lines)} if every else {}
+    return found

@@ -13,7 +13,9 @@ import pytest
 
 import roughvol
 from roughvol.errors import StudyError
+from roughvol.report import markdown
 from roughvol.report.figures import content
+from roughvol.report.page import document
 from roughvol.store import dataset
 from roughvol.store.variants import parts_of
 from roughvol.study import load, loads
@@ -123,6 +125,22 @@ def test_maps_materials_and_loads_make_one_dataset_and_one_figure() -> None:
     assert "E = 10 MPa" in said("compare", "many")
     said("plot", "many")
     assert Path("runs/many/figures/E_5_MPa").is_dir()
+
+
+def test_the_report_of_a_combination_has_its_treatment_and_its_region() -> None:
+    z = np.random.default_rng(0).normal(size=(9, 9))
+    surface = {"heights": z, "L": 1.0, "level": ["tilt", "quadratic"]}
+    study = {"name": "treated", "surface": surface, "sweep": {"steps": 1}, "record": {"region": ["none", "interior"]}}
+    roughvol.run(study, jobs=1)
+    page = markdown.render(document(roughvol.report_on(["treated"]).report))
+    title, *sections = re.split("^#+ treated", page, flags=re.MULTILINE)[1:]
+    assert title.startswith("\n")  # the combinations are named in their sections
+    for section in sections:
+        level = "tilt" if section.startswith(", level = tilt") else "quadratic"
+        assert f"- Treatment: least-squares {level} of the known heights subtracted\n" in section
+        interior = "- Region observed: x/L_x 0.25 to 0.75, y/L_y 0.25 to 0.75\n"
+        assert ("Region observed" in section) == (interior in section) == ("region = interior\n" in section)
+    assert len(sections) == 4
 
 
 def test_combinations_in_several_units_come_in_that_of_the_first() -> None:
