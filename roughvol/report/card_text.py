@@ -230,12 +230,11 @@ def load_facts(card: Card) -> Iterator[tuple[str, str]]:
     at = f", at {_words(card.load)}" if card.loads("mean_pressure") else ""
     yield "Load", f"{load_of(card)}{at}"
     mean = "mean " if len(card.surfaces) > 1 else ""
-    yield "Contact area A*", f"{mean}{number(card.mean('contact_area'))}"
-    gap = ""
+    dry, gap = ", without fluid pressure" if card.lifted else "", ""
+    yield "Contact area A*", f"{mean}{number(card.mean('contact_area'))}{dry}"
     if card.length_unit:
         lengths = [surface.free_volume * surface.Sq for surface in card.surfaces if math.isfinite(surface.free_volume)]
         gap = f", {number(sum(lengths) / len(lengths))} {unit_text(card.length_unit)}" if lengths else ""
-    dry = ", of the dry gap" if card.lifted else ""
     yield "Mean gap V*", f"{mean}{number(card.mean('free_volume'))} σ{gap}{dry}"
     for beside in card.beside:
         values = (short(leak.value) if math.isfinite(leak.value) else "not known" for leak in beside.leaks)

@@ -43,13 +43,18 @@ class Panel(NamedTuple):
 def panels(card: Card) -> list[Panel]:
     """Return the drawings of a card that have something to show."""
     several = len(card.surfaces) > 1
+    marked = [way for way in card.ways if way.leak.value > 0.0 and math.isfinite(_load(card))]
     kind = "Median leak over surfaces" if several else "Leak"
-    dry = " of the gap without fluid pressure, and the leak under it" if card.lifted else ""
+    dry = f" of the gap without fluid pressure{', and the leak under it' * bool(marked)}" if card.lifted else ""
     leg = " on leg 1" if has_legs(card) else ""
-    closes = any(way.closing.closed for way in card.ways)
-    bars = ", horizontal bars the intervals of the closing loads" if closes else ""
-    band = "; the band is the interval of the loads" if any(map(_has_band, card.ways)) and not several else ""
-    words = f"{kind}{dry} against load{leg}; upright bars are the error at the load of the card{bars}{band}."
+    drawn = {
+        "upright bars are the error at the load of the card": any(math.isfinite(way.factor) for way in marked),
+        "horizontal bars are the intervals of the closing loads": any(
+            math.isfinite(way.closing.interval[1]) for way in card.ways
+        ),
+        "the band is the interval of the loads": any(map(_has_band, card.ways)) and not several,
+    }
+    words = f"{'; '.join([f'{kind}{dry} against load{leg}', *(said for said, there in drawn.items() if there)])}."
     found = [Panel("leak", words, _against_load)]
     if (shown := _shown(card)) is not None:
         surface, axis = shown
@@ -227,6 +232,7 @@ def _budget(ax: Axes, card: Card) -> None:
 def _closings(ax: Axes, card: Card) -> None:
     """Draw between which loads the ways close on this grid and on coarser grids, and the load of the card."""
     rows = ["", *(words for words, _ in card.ways[0].coarser)]
+    ax.margins(x=0.05)  # the load of the card may be the largest
     for order, (way, look) in enumerate(zip(card.ways, looks(2), strict=True)):
         for row, closing in enumerate([way.closing, *(closing for _, closing in way.coarser)]):
             place, known = row + 0.2 - 0.4 * order, math.isfinite(closing.interval[1])
