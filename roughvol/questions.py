@@ -776,9 +776,16 @@ def status(study: Study | Mapping[str, Any] | str | Path, *, changes: Changes = 
     >>> len(roughvol.status("tiny").done)
     2
     """
-    from roughvol.store import run_status
+    from roughvol.store import run, run_status
 
-    return run_status.status(*study_of(study, changes))
+    try:
+        whole, folder = study_of(study, changes)
+    except StudyError:  # its height files may be gone: a finished run does not need them
+        kept = run.folder_with_study(study) if isinstance(study, str | Path) and not changes else None
+        if kept is None or (found := run_status.of_results(kept)) is None:
+            raise
+        return found
+    return run_status.status(whole, folder)
 
 
 def runs(folder: str | Path = "runs") -> list[Listed]:

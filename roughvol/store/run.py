@@ -229,6 +229,11 @@ def _beside_heights(text: str, folder: Path) -> Path:
     return folder / name if files and all(_is_file(folder / file) for file in files) else Path(name)
 
 
+def folder_with_study(run: str | Path) -> Path | None:
+    """Return the folder of a run by folder, ``study.nc`` or name; None for a study file."""
+    return next((folder for folder in _folders(run) if _is_file(folder / "study.yaml")), None)
+
+
 def is_study_file(run: str | Path) -> bool:
     """Return whether a path is a study file, by its suffix."""
     return Path(run).suffix in STUDY_SUFFIXES and _is_file(Path(run))

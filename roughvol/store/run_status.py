@@ -6,6 +6,7 @@ It imports no library that computes, and verifies small case files in full: ten 
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import time
 from collections import Counter
@@ -14,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from roughvol.errors import DatasetError, FolderError, StudyError
-from roughvol.store import lock, run_folder, same_study, sample_plan
+from roughvol.store import lock, run_folder, same_study, sample_plan, stamped_file
 from roughvol.store.lock import Holder
 from roughvol.store.run_folder import case_file, folder_of
 from roughvol.study import HeightFile, Study, check_type, load, loads
@@ -111,6 +112,35 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
     collected = run_folder.is_collected(folder, study.stored())
     by_id = tuple(done), tuple(missing), damaged, collected, tuple(running), failed
     return Status(folder, *by_id, strange, outdated, dict(versions), holder, left)
+
+
+def of_results(folder: Path) -> Status | None:
+    """Return the state of a run by the cases of its ``study.nc``: it needs no height file; None if one is not finished.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder of the run.
+
+    Returns
+    -------
+    Status or None
+        All cases are finished.
+    """
+    from roughvol.store import dataset  # xarray: for a run without its height files alone
+
+    if not run_folder.is_collected(folder, run_folder.stored_study(folder) or ""):
+        return None
+    try:
+        ids = json.loads(dataset.read(folder / "study.nc").attrs.get("case_ids", "[]"))
+        labels = {id: stamped_file.verified(case_file(folder, id))[1] for id in ids}
+    except DatasetError:
+        return None
+    if not ids or any(found.get("case") != id for id, found in labels.items()):
+        return None
+    versions = Counter(found.get("version", "") for found in labels.values())
+    strange = len(run_folder.stored_ids(folder) - labels.keys())
+    return Status(folder, tuple(ids), (), {}, collected=True, strange=strange, versions=dict(versions))
 
 
 def _progress(folder: Path) -> tuple[tuple[str, ...], float | None]:

@@ -180,9 +180,19 @@ def test_commands_in_messages_have_paths_as_words_of_a_shell(place: Path) -> Non
 
 def test_a_problem_of_a_stored_study_is_placed_in_its_file(place: Path) -> None:
     Path("heights.txt").rename("moved.txt")
-    assert "runs/scan/study.yaml:2: surface.file: no such file" in refused("status", "scan")
+    assert "runs/scan/study.yaml:2: surface.file: no such file" in refused("check", "scan")
     Path("runs/tiny/study.yaml").write_text("name: [\n", encoding="utf-8")
     assert "runs/tiny/study.yaml:2: not YAML" in refused("status", "tiny")
+
+
+def test_the_status_of_a_finished_run_needs_no_height_file(place: Path) -> None:
+    there = said("status", "scan")
+    assert "runs/scan: 1 of 1 cases finished, collected" in there
+    Path("heights.txt").rename("moved.txt")
+    assert said("status", "scan") == there == said("status", "runs/scan/study.nc")
+    assert "no such file" in refused("status", "scan", "--set", "sweep.steps=2")
+    next(Path("runs/scan/cases").glob("*.nc")).unlink()
+    assert "no such file" in refused("status", "scan")
 
 
 def test_a_name_longer_than_any_file_has_no_results(place: Path) -> None:
