@@ -64,6 +64,8 @@ def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], fig
 
     several = isinstance(results, Mapping) and not hasattr(results, "attrs")  # a dataset is a mapping with attributes
     each: Mapping[str, Any] = results if several else {"": results}  # type: ignore[assignment]
+    if not each:
+        raise DatasetError("plot takes one run or more, given an empty mapping")
     stored = [(str(name), opened(one)) for name, one in each.items()]
     runs = content.parts([(name or run.name, run.dataset) for name, run in stored])
     check_type(figure, str, "a figure is text")
