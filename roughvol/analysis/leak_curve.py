@@ -30,6 +30,7 @@ from roughvol.analysis.leak import with_closed
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import FEW_DRAWS, Patch, closing_of, conductance_of, is_isotropic, ratios
 from roughvol.analysis.units import sigma
+from roughvol.errors import Problem, StudyError
 from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES, LISTED
 from roughvol.store.variants import study_in
@@ -231,9 +232,16 @@ def _sheet_closes(run: Dataset, patch: Patch, loads: Array) -> float:
 
 
 def curves(run: Dataset, axis: str) -> list[Curve]:
-    """Return the leak of each surface along the first leg, at the steps with a leak; of a seal, that of the seal."""
-    patch = patch_of(run)
-    return [_of_seal(run, patch)] if patch is not None else _of_surfaces(run, axis)
+    """Return the leak of each surface along the first leg, at the steps with a leak; of a seal, that of the seal.
+
+    A `StudyError` refuses a surface without a known leak, and surfaces of a seal without a common load of known leaks.
+    """
+    patch, found = patch_of(run), _of_surfaces(run, axis)
+    missing = [name for name, _ in surfaces(run) if name not in [curve.surface for curve in found]]
+    if missing:
+        of = f" of {', '.join(missing)}" if found else ""
+        raise StudyError([Problem(f"the run has no stored leak{of} along {axis}; record the flow at every step")])
+    return found if patch is None else [_of_seal(run, patch)]
 
 
 def _of_surfaces(run: Dataset, axis: str) -> list[Curve]:
@@ -266,6 +274,10 @@ def _of_seal(run: Dataset, patch: Patch) -> Curve:
     ways = {axis: _of_surfaces(run, axis) for axis in AXES}
     each = [curve for some in ways.values() for curve in some]
     low, high = max(curve.begins for curve in each), min(curve.ends for curve in each)
+    if low > high * (1.0 + REACHED):
+        unit = run["nominal_pressure"].attrs["units"]
+        message = f"the leaks of all surfaces are known from {low:.4g} {unit}, and up to {high:.4g} {unit}"
+        raise StudyError([Problem(f"{message}: a seal needs one load; record the flow at every step")])
     longest = max(ways[patch.seal.flow], key=lambda curve: curve.pressure[-1])
     kept = (longest.pressure >= low * (1.0 - REACHED)) & (longest.pressure <= high * (1.0 + REACHED))
     steps = longest.pressure[kept]

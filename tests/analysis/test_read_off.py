@@ -146,6 +146,27 @@ def test_a_closed_joint_without_units_is_asked_for_by_p_star(tmp_path: Path, mon
         assert "either --leak-rate VALUE or --closed" in refused("ask", "plain", *both)
 
 
+@pytest.mark.parametrize(
+    ("end", "states", "seals", "words"),
+    [
+        ("pressure: 0.5", "{contact_area: 0.9}", (False, True), "no stored leak along x"),
+        ("pressure: 0.5", "{contact_area: 0.15}", (False, True), "no stored leak of seed 0 along x"),
+        ("contact_area: 0.25", "last", (True,), r"known from 0.*, and up to 0"),  # such leaks were taken as 0
+    ],
+)
+def test_surfaces_without_known_leaks_are_refused(
+    end: str, states: str, seals: tuple[bool, ...], words: str, tmp_path: Path
+) -> None:
+    text = TEXT.replace("m: 5", "m: 3").replace("steps: 20, to: {pressure: 1.2}", f"steps: 2, to: {{{end}}}")
+    for seal in seals:
+        study = loads(text.replace("every-step", states) + "seal: {length: 20 mm, width: 2 mm}\n" * seal)
+        ds = roughvol.run(study, jobs=1, out=tmp_path / str(seal))
+        with pytest.raises(StudyError, match=words):
+            roughvol.ask(ds, leak_rate="1e-6 mm^3/s")
+        with pytest.raises(StudyError, match=words):
+            roughvol.creep(ds, {"power": {"exponent": 0.1, "time": "1 s"}}, at="pressure=0.01 MPa", times=["1 s"])
+
+
 def test_unknown_errors_leave_no_end_where_a_way_closes(closing: Dataset) -> None:
     unknown = read_off.Errors((), (np.nan, np.nan), (), (np.nan, np.nan), ())
     wanted = float(closing.leak_rate.min("axis").isel(step=3).min())
