@@ -90,3 +90,8 @@ def test_press_has_the_numbers_of_the_study_of_the_layer(tmp_path, thickness, si
 def test_press_refuses_a_layer_as_the_study_does(arguments, words):
     with pytest.raises(StudyError, match=f"^press: {words}"):
         roughvol.press(HEIGHTS, **(ARGUMENTS | {"thickness": "20 um"} | arguments))
+
+
+def test_the_label_of_a_layer_has_no_digits_of_rounding():
+    study = loads(STUDY.replace("160 um", "1.6e-4 m")).changed(**{"material.thickness": "50 um"})
+    assert study.kernel("m").label == "layer (thickness = 5e-05, nu = 0.3, elements = 1)"

@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from roughvol.study.plain_data import number_text
 from roughvol.study.sections.strict import Choice, Strict, default, optional
 from roughvol.study.values.types import refuse
 
@@ -56,7 +55,7 @@ class NamedKernel:
     @property
     def label(self) -> str:
         """The kernel in words, as ``layer (thickness = 50)``."""
-        made_of = ", ".join(f"{name} = {number_text(value)}" for name, value in (*self.lengths, *self.numbers))
+        made_of = ", ".join(f"{name} = {value:g}" for name, value in (*self.lengths, *self.numbers))
         return f"{self.name} ({made_of})" if made_of else self.name
 
 
