@@ -214,6 +214,18 @@ def test_the_seal_of_a_run_at_a_load_leaks_as_on_its_card(cards: roughvol.questi
     assert "120 mm by 2 mm, flow along x, 4 × 240 patches" in table.note
 
 
+def test_unloaded_patches_have_one_load(tmp_path: Path) -> None:
+    text = TEXT.replace("n: 64", "n: 16").replace("rolloff: 8, cut: 16", "rolloff: 2, cut: 8")
+    legs = "[{steps: 1, to: {pressure: 0.5}}, {steps: 1, to: {pressure: 0}}]"
+    study = loads(text.replace("{steps: 8, to: percolation}", legs))
+    ds = roughvol.run(study, jobs=1, out=tmp_path)
+    p = ds["mean_pressure"]
+    unloaded = ds.assign(mean_pressure=p.where(p["step"] == 1, 1e-17 * (1 + p["seed"])))  # of rounding
+    found = roughvol.show(unloaded, "last").frame()
+    assert len(set(found["seal_leak_rate"])) == 1
+    assert found["seal_leak_rate"].gt(found["leak_rate_x"].min()).all()
+
+
 def test_a_gas_leaks_through_a_seal_as_much_more_as_through_its_patches() -> None:
     """Its throughput goes with p², and the sheet is that of the liquid."""
     study = loads(TEXT)
