@@ -211,7 +211,7 @@ def _within_reach(
     if equivalent[0] < low * (1.0 - REACHED):
         refuse(
             f"at {seconds[0]:.4g} s the state is that of {equivalent[0]:.4g} {unit}; the leak is known from "
-            f"{low:.4g} {unit} on: give more steps at low load"
+            f"{low:.4g} {unit} on: give more steps at low load, and record the flow at every step"
         )
     late = np.flatnonzero(equivalent > high * (1.0 + REACHED))
     if late.size:

@@ -274,6 +274,13 @@ def test_some_closed_surfaces_do_not_close_the_seal(run: Dataset, tmp_path: Path
     assert_allclose(one.leak["x"].value[0], 0.25)  # on the straight line to 0
 
 
+def test_a_time_before_the_first_known_leak_is_refused(run: Dataset, tmp_path: Path) -> None:
+    law = _law("table: {times: [1 s, 8 s], ratios: [1, 8]}", tmp_path)
+    ds = _swept([[math.nan, 8.0, 7.0, 6.0]], run)
+    with pytest.raises(StudyError, match=r"that of 0\.001 MPa; the leak is known from 0\.002 MPa on"):
+        creep.history(ds, law, 1e-3, [1.0])
+
+
 def test_a_surface_that_is_open_at_its_last_step_is_not_extrapolated(run: Dataset, tmp_path: Path) -> None:
     law = _law("table: {times: [1 s, 8 s], ratios: [1, 8]}", tmp_path)
     ds = _swept([[9.0, 8.0, 7.0, 6.0], [9.0, 6.0, math.nan, math.nan]], run)
