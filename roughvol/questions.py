@@ -214,6 +214,8 @@ def ask(
         results, kelvin = read_off.of_gas(results, unknown)
     results = read_off.checked(results, leaks=leak_rate is not None)
     load = None if at is None else read_off.nominal_of(results, level(at))
+    if at is not None and unknown == "pressure":
+        read_off.refuse(f"the pressure is asked for; the load {level(at).label} belongs to: for modulus or Sq")
     largest = math.nan
     if leak_rate is not None:
         largest, wanted = _leak(wanted, str(results["leak_rate"].attrs["units"]), kelvin)

@@ -364,8 +364,6 @@ def _check_unknown(run: Dataset, unknown: str, pressure: float | None) -> None:
         refuse("pressures end at a hardness, so numbers do not depend on p* alone; allowed: for pressure")
     if unknown != "pressure" and not (pressure is not None and pressure > 0.0):
         refuse(f"for {unknown} the pressure must be given, > 0")
-    if unknown == "pressure" and pressure is not None:
-        refuse("a pressure is sought, and a load is given; allowed: a load for modulus or Sq")
 
 
 def _recorded(run: Dataset) -> str:
