@@ -135,6 +135,14 @@ def test_runs_of_one_common_load_are_compared_there(sweep: str, load: float) -> 
     assert [row["mean_pressure"] for row in rows] == pytest.approx([load] * 2)
 
 
+def test_a_single_step_is_one_step_and_has_no_stiffness() -> None:
+    ran("single", "surface: {D: 2.2, m: 3, seeds: 1}\nsweep: {steps: 1, to: {pressure: 0.5}}\n")
+    shown, reported = said("show", "single"), said("report", "single")
+    shutil.rmtree("runs/single")
+    assert "K " not in shown
+    assert "1 step to pressure=0.5" in reported
+
+
 def test_an_unloaded_region_is_compared_at_no_load_and_stays_open(tmp_path: Path) -> None:
     z = np.zeros((9, 9))
     z[1, 1] = 1.0

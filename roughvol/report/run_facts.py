@@ -265,7 +265,7 @@ def _pressed(study: Study, region: str) -> list[tuple[str, str]]:
     if sweep.steps:
         solving, kernel = study.solving, study.kernel(study.surface.length_unit).label
         solver = f"{solving.method}, residual η/σ at most {solving.tolerance:g}, kernel {kernel}"
-    legs = ", ".join(f"{leg.steps} steps to {leg.target.label}" for leg in sweep.legs)
+    legs = ", ".join(f"{leg.steps} step{'s' * (leg.steps != 1)} to {leg.target.label}" for leg in sweep.legs)
     return [
         ("Comment", study.comment or ""),
         ("Contact modulus E*", f"{number(material.contact_modulus)}{unit or ' (no unit given)'}"),

@@ -143,14 +143,13 @@ def shown(run: Run) -> list[Table]:
             solved = [str(int(data[P].notnull().sum()))] if several else []
             rows.append(Row((state.label, *leg, *solved), state, data))
         found = States.of("steps", ("step", *["leg"] * legs, *["surfaces"] * several), rows)
-        tables.append(found.table(name, *found.notes(), *_exponent(group)))
+        exponent = _exponent(group) if STIFFNESS in found.columns else []
+        tables.append(found.table(name, *found.notes(), *exponent))
     return tables
 
 
 def _exponent(group: Dataset) -> list[str]:
-    """Return the error of the stiffness by the steps, and how it goes with the pressure; empty with too few states."""
-    if STIFFNESS not in group:
-        return []
+    """Return the error of the stiffness by the steps, and how it goes with the pressure."""
     first = first_leg(group)
     pressure, gap, stiffness = (first[name].transpose("seed", "step").values for name in (P, "free_volume", STIFFNESS))
     fewer = without_every_second(pressure, gap)
