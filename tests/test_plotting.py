@@ -40,6 +40,12 @@ def test_runs_are_overlaid_and_named(pressed: Dataset) -> None:
     assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["dry", "wet"]
 
 
+def test_runs_whose_names_have_commas_are_told_apart_below_the_figure(pressed: Dataset) -> None:
+    figure = roughvol.plot({"dry, E = 5 MPa": pressed, "dry, E = 10 MPa": pressed}, "v_of_p")
+    notes = [text.get_text().replace("\n", " ") for text in figure.figure.texts]
+    assert any(note.startswith("Runs dry, E = 5 MPa; dry, E = 10 MPa. ") for note in notes), notes
+
+
 @pytest.mark.parametrize("length", [45, 51])
 def test_long_names_do_not_cut_a_formula(small_study: Path, length: int) -> None:
     figure = roughvol.plot({"a " * (length // 2): small_study, "b " * (length // 2): small_study}, "v_of_p")

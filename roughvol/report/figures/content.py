@@ -198,9 +198,10 @@ def _fluids(runs: Sequence[Named]) -> list[str]:
 
 def _origin(runs: Sequence[Named], some: Sequence[Family]) -> str:
     """Return the runs of a figure in words, or their number where they are many, and which leg of a path it shows."""
-    words = f"Runs {', '.join(file_text(run.name) for run in runs)}."
+    names = [file_text(run.name) for run in runs]
+    words = f"Runs {('; ' if any(', ' in name for name in names) else ', ').join(names)}."
     if len(runs) == 1:
-        words = f"Run {file_text(runs[0].name)}: {surfaces(runs[0].dataset, shown(some))}."
+        words = f"Run {names[0]}: {surfaces(runs[0].dataset, shown(some))}."
     elif len(runs) > MANY:
         words = f"{len(runs)} runs or combinations; the legend names them."
     if any("leg" in run.dataset for run in runs):
