@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -276,6 +277,11 @@ def test_fluid_pressure_gives_the_lifted_leak_with_the_dry_leak_named() -> None:
     assert "Fluid pressure: inlet 0.4 bar" in printed
     assert "warning: the mean pressure of the fluid is " in printed
     assert "record.fluid_pressure computes it" not in Path("runs/lift_card/card_last.html").read_text()
+    drawn, ax = roughvol.card(study, jobs=1).cards[""], Figure().add_subplot()
+    way = drawn.ways[0]
+    small = replace(drawn, ways=(replace(way, leak=replace(way.leak, value=1e-11)), *drawn.ways[1:]))
+    leak_card.panels(small)[0].draw(ax, small)
+    assert ax.get_ylim()[0] < 1e-11  # of a leak far below the dry curve, too
 
 
 def test_the_second_leg_of_a_path_has_a_card() -> None:

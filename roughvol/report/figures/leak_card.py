@@ -85,7 +85,7 @@ def drawing_of(card: Card, panel: Panel) -> Drawing:
 def _against_load(ax: Axes, card: Card) -> None:
     """Draw the leak over the load, where the ways close, and leak and error at the load of the card."""
     family = _family(card)
-    known = [end for way in card.ways for end in way.interval if math.isfinite(end)]
+    known = [leak for way in card.ways for leak in (*way.interval, way.leak.value) if math.isfinite(leak)]
     flow_axis(ax, np.append(family.data["leak"].values, known))
     unit = card.ways[0].unit
     ax.set(xlabel=_load_label(card), ylabel=f"leak [{unit_text(unit)}]" if unit else "leak T* V*³")
@@ -107,14 +107,13 @@ def _against_load(ax: Axes, card: Card) -> None:
             ax.plot([low, high], [height, height], color=look["color"], lw=2.5, solid_capstyle="butt", zorder=6)
         handles.append(Line2D([], [], label=f"along {way.axis}{dry}", color=look["color"], ls=look["ls"]))
         if way.leak.value > 0.0 and math.isfinite(at):
-            low, high = way.interval if math.isfinite(way.factor) else (way.leak.value, way.leak.value)
-            error = np.array([[way.leak.value - low], [high - way.leak.value]])
+            low, high = way.interval
+            error = np.array([[way.leak.value - low], [high - way.leak.value]]) if math.isfinite(way.factor) else None
             beside = at + (order - 0.5) * 0.02 * reach  # so that two intervals can be seen apart
-            mark = {"marker": look["marker"], "color": look["color"], "ls": ""}
+            mark = {"marker": look["marker"], "color": look["color"], "mfc": look["mfc"], "ls": ""}
             if card.lifted:
                 handles.append(Line2D([], [], label=f"{way.axis}, lifted", **mark))
-            bar = mark | {"capsize": 3, "ms": 5.0, "mfc": look["mfc"], "zorder": 7}
-            ax.errorbar([beside], [way.leak.value], yerr=error, **bar)
+            ax.errorbar([beside], [way.leak.value], yerr=error, capsize=3, ms=5.0, zorder=7, **mark)
     if math.isfinite(at):
         handles.append(ax.axvline(at, color=GREY, lw=0.8, ls=":", label="load of the card"))
     closed = [way.axis for way in card.ways if way.closing.closed]
