@@ -4,6 +4,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 PACKAGE := $(VENV)/.package
+# Bytecode is written at the first import: that of all that is installed takes a minute.
+INSTALL := -m pip install --quiet --disable-pip-version-check --no-compile --editable
 PAPER := gallery effect_of_D effect_of_m morphology
 SEAL := seal seal_map seal_region metal_seal metal_seal_elastic
 # Second readings of the paper's ambiguous passages, and more surfaces than it has: for the claims report.
@@ -28,12 +30,12 @@ $(BIN)/python:
 	@$(PYTHON) -m venv $(VENV)
 
 $(PACKAGE): pyproject.toml | $(BIN)/python
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@$(BIN)/python $(INSTALL) .
 	@touch $@
 
 $(STAMP): pyproject.toml | $(BIN)/python
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
-	@touch $@
+	@$(BIN)/python $(INSTALL) '.[dev]'
+	@touch $(PACKAGE) $@
 
 # It needs the package alone: no tests, no tools.
 reproduce: $(PACKAGE)  ## run the paper's studies, draw its figures and the report of claims
@@ -64,7 +66,7 @@ bench: setup  ## compare the solver's counts with tests/bench/baseline.json; pri
 
 # One of these codes is AGPL. They are installed here and imported nowhere else. m = 8 takes more than a quarter of an hour.
 bench-peers: setup  ## compare with other contact codes, installed for this
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev,peers]'
+	@$(BIN)/python $(INSTALL) '.[dev,peers]'
 	@$(BIN)/python -m tests.bench.peers --m 6 7
 	@$(BIN)/python -m tests.bench.peers --periodic --m 7
 
