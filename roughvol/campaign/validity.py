@@ -95,6 +95,7 @@ class Setting:
     fluid: float = math.nan  # largest mean pressure of a fluid over the ambient, over E*; NaN without one
     fluid_text: str = ""  # its inlet and outlet
     lifted: bool = False  # fluid pressure lifts the gap at recorded states
+    thickness: float = math.inf  # of a layer, in the unit of L
     scaled: bool = False  # the ratio of heights to L is that of a real surface
     patch: bool = False  # a free patch that is a sample of a larger joint
     measured: bool = False  # heights come from files
@@ -122,6 +123,7 @@ def setting(study: Study) -> Setting:
         fluid=math.nan if unit is None else convert(mean, "Pa", unit) / material.contact_modulus,
         fluid_text=sides,
         lifted=record.fluid_pressure is not None,
+        thickness=dict(study.kernel(surface.length_unit).lengths).get("thickness", math.inf),
         scaled=scaled,
         patch=asks and whole and surface.sides == "free",  # others have no rim
         measured=not isinstance(surface, MadeSurface),
@@ -164,6 +166,7 @@ class _States:
     expected: bool
     nominal: Array  # pressure p/E*
     starred: Array  # pressure p*
+    deepest: Array  # displacement of the deepest point, in the unit of L
     flow: Mask  # states with a leak rate
     peak: float  # highest point above the mean plane over Sq
     slopes: Array  # of the surfaces
@@ -201,6 +204,7 @@ def before(
         expected=True,
         nominal=np.array([[end]]),
         starred=np.ones((1, 1)),
+        deepest=np.full((1, 1), math.nan),
         flow=np.array([[end > 0.0]]),
         peak=peak,
         slopes=np.array([Sdq]),
@@ -231,6 +235,7 @@ def after(given: Setting, results: Dataset) -> list[Finding]:
         expected=False,
         nominal=nominal,
         starred=starred,
+        deepest=states(results["indentation"]) * Sq,
         flow=np.any([states(leak) for leak in leaks], axis=0) if leaks else np.zeros(starred.shape, dtype=bool),
         # d/σ + Δ/σ: height of the first touch above the mean plane
         peak=float((results["separation"] + results["indentation"]).max()),
@@ -282,6 +287,7 @@ def kept(given: Setting, results: Dataset) -> list[Limit]:
     judged = {
         "slope": given.scaled,
         "nominal_pressure": given.scaled,
+        "thickness": math.isfinite(given.thickness),
         "hardness": given.hardness is not None and not given.yields,
         "pressure_drop": math.isfinite(given.drop) and not given.lifted and any(name in results for name in FLOWS),
         "rim": given.patch,
@@ -345,6 +351,7 @@ def _of_states(given: Setting, states: _States) -> Iterator[Finding]:
     with np.errstate(divide="ignore", invalid="ignore"):
         numbers = {
             "nominal_pressure": (nominal if given.scaled else unknown, compared),
+            "thickness": (states.deepest / given.thickness, compared),
             "hardness": (load, compared),
             "persistence": (nominal * yielding if given.scaled else unknown, compared),
             "fluid": (given.fluid / np.where(states.starred > UNLOADED, nominal, math.nan), flow),

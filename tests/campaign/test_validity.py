@@ -193,6 +193,8 @@ FLOW = {"unit": "GPa", "drop_text": "2 bar"}
         # p/E* = p*/100
         ({"scaled": True}, _states(1.0, 5.0, 20.0, np.nan), [("nominal_pressure", 1, 3, 20.0)], "0.2 E*"),
         ({}, _states(1.0, 5.0, 20.0, np.nan), [], ""),
+        # Sq = 1
+        ({"thickness": 100.0}, _states(1.0, 5.0, indentation=[9.0, 30.0]), [("thickness", 1, 2, 5.0)], "0.3 of its"),
         # p = 0.1, 1, 10 MPa; 0.2 MPa is small at the last alone, and the first has no leak rate
         (
             FLOW | {"drop": 0.2e-3},
