@@ -14,7 +14,7 @@ from concurrent.futures import Future
 from typing import Any, TypeVar
 
 from roughvol.errors import CampaignError
-from roughvol.study import check_type
+from roughvol.study import check_type, refused
 
 Task = TypeVar("Task")
 Function = Callable[[Task, Callable[[Any], None], Callable[[], bool]], Any]  # of a task, see `workers.each`
@@ -32,7 +32,7 @@ _one_at_a_time = threading.Lock()  # threads of a Dask worker cannot share netCD
 
 def check_address(scheduler: str) -> None:
     """Refuse an address that is no ``host:port`` or ``protocol://host:port`` with one of `PROTOCOLS`."""
-    check_type(scheduler, str, "the scheduler's address is text", CampaignError)
+    check_type(scheduler, str, "the scheduler's address is text", refused)
     match = _ADDRESS.fullmatch(scheduler)
     if match is None or not 0 < int(match["port"]) < 1 << 16:
         message = (
@@ -40,7 +40,7 @@ def check_address(scheduler: str) -> None:
             "allowed: host:port or protocol://host:port, as in tcp://127.0.0.1:8786, with a protocol of "
             f"{', '.join(PROTOCOLS)}"
         )
-        raise CampaignError(message)
+        raise refused(message)
 
 
 class Cluster:

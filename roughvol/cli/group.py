@@ -157,8 +157,8 @@ def _said() -> Iterator[None]:
 
 
 def _message(error: errors.RoughvolError) -> str:
-    """Return an error as text; the problems of a study line by line."""
-    if isinstance(error, errors.StudyError):
+    """Return an error as text; the problems of the keys of a study line by line."""
+    if isinstance(error, errors.StudyError) and any(problem.key or problem.file for problem in error.problems):
         lines = [f"  {problem}" for problem in error.problems]
         return "\n".join([f"{count(len(lines), 'problem')} in the study", *lines])
     return f"error: {error}"

@@ -16,7 +16,7 @@ import pytest
 import xarray as xr
 
 from roughvol.campaign import cluster, execution, workers
-from roughvol.errors import CampaignError
+from roughvol.errors import CampaignError, StudyError
 from roughvol.store import run_status
 from roughvol.study import loads
 from tests.campaign import tasks
@@ -209,7 +209,7 @@ def test_a_long_sweep_goes_on_elsewhere_where_the_folder_is_shared(dask: Dask, t
 )
 def test_an_address_that_no_scheduler_can_have_is_refused(address: str, right: bool) -> None:
     message = "allowed: host:port or protocol://host:port"
-    with contextlib.nullcontext() if right else pytest.raises(CampaignError, match=message):
+    with contextlib.nullcontext() if right else pytest.raises(StudyError, match=message):
         cluster.check_address(address)
 
 
