@@ -5,32 +5,29 @@ from __future__ import annotations
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 
-Field = NDArray[np.float64]
 
-
-def drawn(text: str) -> Field:
+def drawn(text):
     """Return a gap field from a drawing: # closed, . open by 1, a digit open by so much."""
     return np.array([[{"#": 0.0, ".": 1.0}.get(c) if c in "#." else float(c) for c in row] for row in text.split()])
 
 
-def rough(share: float, seed: int = 0, m: int = 5, D: float = 2.4, *, periodic: bool = False) -> Field:
+def rough(share, seed=0, m=5, D=2.4, *, periodic=False):
     """Return the gap over a rough surface cut off so that a share of it is closed."""
     z = random_midpoint_displacement(D, m, seed=seed, periodic=periodic).heights
     return np.maximum(np.quantile(z, 1.0 - share) - z, 0.0)
 
 
-def smooth(seed: int, closed: float, shape: tuple[int, int] = (24, 20)) -> Field:
+def smooth(seed, closed, shape=(24, 20)):
     """Return a smooth periodic gap with a share of closed elements."""
     field = ndimage.gaussian_filter(np.random.default_rng(seed).standard_normal(shape), 2.0, mode="wrap")
     return np.maximum(field - np.quantile(field, closed), 0.0)
 
 
-def floods(void: NDArray[np.bool_], axis: int, *, corners: bool = False) -> bool:
+def floods(void, axis, *, corners=False):
     """Walk from element to element through their sides, or through corners as well."""
     steps = [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if abs(a) + abs(b) == 1 or (corners and a and b)]
     void = void if axis == 0 else void.T
@@ -48,7 +45,7 @@ def floods(void: NDArray[np.bool_], axis: int, *, corners: bool = False) -> bool
     return False
 
 
-def any_gap(seed: int) -> tuple[Field, int, bool]:
+def any_gap(seed):
     """Return a random gap, an axis, and whether the gap is a period: kinds, sizes, closed shares and decades vary."""
     random = np.random.default_rng(seed)
     shape = tuple(int(n) for n in random.integers(73, 200, 2))

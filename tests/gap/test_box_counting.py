@@ -31,9 +31,8 @@ def counts_by_loops(mask, side):
 
 
 @pytest.mark.parametrize(("shape", "side"), [((1, 1), 1), ((3, 3), 2), ((17, 17), 16), ((16, 37), 16), ((40, 9), 8)])
-@pytest.mark.parametrize("share", [0.03, 0.4])
-def test_counts_equal_plain_loops(shape, side, share):
-    mask = np.random.Generator(np.random.PCG64(1)).random(shape) < share
+def test_counts_equal_plain_loops(shape, side):
+    mask = np.random.Generator(np.random.PCG64(1)).random(shape) < 0.1
     r, counts = box_counts(mask)
     assert r.tolist() == [2**k for k in range(side.bit_length())]
     assert counts.tolist() == counts_by_loops(mask, side)
@@ -61,7 +60,9 @@ SETS = {  # a set in boxes that fit it, and its dimension at every scale
 def test_sets_have_their_dimension_at_every_scale(mask, dimension):
     counts, side = box_counts(mask), 2 ** (len(mask).bit_length() - 1)
     assert counts.counts[0] == mask[:side, :side].sum()
-    np.testing.assert_allclose(local_dimension(counts).dimension, dimension, atol=1e-14)
+    local = local_dimension(counts)
+    np.testing.assert_allclose(local.dimension, dimension, atol=1e-14)
+    np.testing.assert_allclose(local.r_mid, np.sqrt(counts.r[1:] * counts.r[:-1]), rtol=1e-15)
 
 
 @pytest.mark.parametrize("shape", [(8, 8), (9, 14)])
@@ -73,25 +74,6 @@ def test_counts_of_a_period_are_means_over_all_positions(shape):
         boxes = np.pad(mask, (0, side), mode="wrap")
         black = [boxes[i : i + side, j : j + side].any() for i in range(rows) for j in range(columns)]
         assert count == pytest.approx(np.mean(black) * mask.size / side**2, rel=1e-12)
-
-
-def test_sierpinski_carpet_in_boxes_that_do_not_fit_it():
-    # Dimension log 8 / log 3 = 1.893; boxes of 2^k cut the 3^k cells, so only the mean slope over scales is near.
-    dimension = local_dimension(box_counts(carpet(5, [1, 1, 1, 1, 0, 1, 1, 1, 1], 3))).dimension
-    assert dimension.mean() == pytest.approx(np.log(8) / np.log(3), abs=0.05)
-    assert np.all(dimension <= 2.0 + 1e-14)
-
-
-def test_dimension_sits_at_geometric_means():
-    local = local_dimension(box_counts(~empty(17)))
-    np.testing.assert_allclose(local.r_mid, np.sqrt([2.0, 8.0, 32.0, 128.0]), rtol=1e-15)
-
-
-def test_last_row_and_column_are_dropped_and_rectangles_tiled():
-    mask = empty(9)
-    mask[8, :] = mask[:, 8] = True
-    assert box_counts(mask).counts.tolist() == [0, 0, 0, 0]
-    assert box_counts(~empty(4, 11)).counts.tolist() == [32, 8, 2]
 
 
 def test_empty_domain_has_no_dimension():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from tests.gap.kit import any_gap, rough, smooth
 
 
 @pytest.mark.parametrize(("axis", "periodic"), [(0, False), (1, False), (1, True)])
-def test_the_change_of_the_pressure_is_its_derivative(axis: int, periodic: bool) -> None:
+def test_the_change_of_the_pressure_is_its_derivative(axis, periodic):
     gap = smooth(1, 0.3) if periodic else rough(0.2, m=4)
     change = np.where(gap > 0.0, np.random.default_rng(0).uniform(-1.0, 1.0, gap.shape), 0.0) * gap.mean()
     above, below = (fluid_pressure(gap + step * change, axis, periodic=periodic) for step in (1e-5, -1e-5))
@@ -19,28 +21,23 @@ def test_the_change_of_the_pressure_is_its_derivative(axis: int, periodic: bool)
     np.testing.assert_allclose(found, (above - below) / 2e-5, rtol=0, atol=1e-3 * np.abs(found).max())
 
 
-@pytest.mark.parametrize("periodic", [False, True])
-def test_pressure_falls_evenly_between_plates(periodic: bool) -> None:
+def test_pressure_falls_evenly_between_plates_and_drops_at_a_wall_or_a_constriction():
     falls = np.outer(1.0 - (np.arange(10) + 0.5) / 10, np.ones(6))
-    for axis, expected in enumerate((falls, falls.T)):
+    for (axis, expected), periodic in itertools.product(enumerate((falls, falls.T)), (False, True)):
         found = fluid_pressure(np.ones(expected.shape), axis, periodic=periodic)
         np.testing.assert_allclose(found, expected, atol=1e-9)
-
-
-@pytest.mark.parametrize("narrow", [0.0, 0.01])
-def test_the_pressure_drops_at_a_wall_or_a_constriction(narrow: float) -> None:
-    gap = np.ones((9, 4))
-    gap[4] = narrow
-    pressure = fluid_pressure(gap, 0)
-    near = 1e-4 if narrow else 1e-5
-    np.testing.assert_allclose(pressure[:4], 1.0, atol=near)
-    np.testing.assert_allclose(pressure[5:], 0.0, atol=near)
+    for narrow, near in ((0.0, 1e-5), (0.01, 1e-4)):
+        gap = np.ones((9, 4))
+        gap[4] = narrow
+        pressure = fluid_pressure(gap, 0)
+        np.testing.assert_allclose(pressure[:4], 1.0, atol=near)
+        np.testing.assert_allclose(pressure[5:], 0.0, atol=near)
 
 
 @pytest.mark.parametrize(
-    "seed", [0, 1, 3, 8, 24, 31, *(pytest.param(k, marks=pytest.mark.slow) for k in range(32, 120))]
+    "seed", [0, 1, 3, 24, *(pytest.param(k, marks=pytest.mark.slow) for k in (8, *range(31, 120)))]
 )
-def test_the_pressure_by_gradients_is_that_of_a_factorisation(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_pressure_by_gradients_is_that_of_a_factorisation(seed, monkeypatch):
     gap, axis, periodic = any_gap(seed)
     change = np.where(gap > 0.0, np.random.default_rng(seed).standard_normal(gap.shape), 0.0) * gap.mean()
     fields = []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from functools import partial
 from itertools import pairwise
 
@@ -16,18 +17,15 @@ from roughvol.gap.gas import LAWS, kinetic_flow_rate, kinetic_integral, local_fl
 from roughvol.gap.transport import conduction
 from tests.gap.kit import rough
 
-PATHS = (1e-4, 1e-2, 1.0, 1e2, 1e4)  # mean free path at the inlet over the gap
-
-
 GAP = rough(0.2, 3)
 conduction_of_gas = partial(gas.conduction_of_gas, accuracy=1e-10)
 
 
-def flow(gap: np.ndarray, axis: int, law: str, path: float, outlet: float) -> float:
+def flow(gap, axis, law, path, outlet):
     return conduction_of_gas(gap, axis, law, path, outlet).coefficient
 
 
-def by_kinetic_theory(D: float, cells: int = 200) -> float:
+def by_kinetic_theory(D, cells=200):
     """Q(D) of the linearised BGK equation: u = ∫ (D u(t) - 1/2) T(D |y - t|) dt/√π, walls of diffuse reflection."""
     y = (0.5 - 0.5 * np.cos(np.pi * np.arange(cells + 1) / cells)) - 0.5  # cells are small at the walls
     centre = 0.5 * (y[1:] + y[:-1])
@@ -36,7 +34,7 @@ def by_kinetic_theory(D: float, cells: int = 200) -> float:
     speed, weight = np.exp(s - 10.0), 6.0 * weight * np.exp(s - 10.0)
     flat = weight * np.exp(-(speed**2))
 
-    def from_wall(x: np.ndarray) -> np.ndarray:
+    def from_wall(x):
         """∫ exp(-c² - D x/c) dc, whose derivative is -D T(D x)."""
         return np.tensordot(np.exp(-D * x[..., None] / speed), flat, axes=1)
 
@@ -50,12 +48,12 @@ def by_kinetic_theory(D: float, cells: int = 200) -> float:
     return float(-2.0 * u @ np.diff(y))
 
 
-@pytest.mark.parametrize("D", [0.02, 0.1, 0.3, 1.0, 3.0, 10.0])
-def test_the_fit_is_the_solution_of_the_kinetic_equation(D: float) -> None:
+@pytest.mark.parametrize("D", [0.02, 0.3, 3.0])
+def test_the_fit_is_the_solution_of_the_kinetic_equation(D):
     assert_allclose(kinetic_flow_rate(D), by_kinetic_theory(D), rtol=0.01)
 
 
-def test_kinetic_flow_has_its_limits_and_its_minimum() -> None:
+def test_kinetic_flow_has_its_limits_and_its_minimum():
     D = np.logspace(-6, 6, 2001)
     Q = np.vectorize(kinetic_flow_rate)(D)
     assert_allclose(Q[D > 1e4] / (D[D > 1e4] / 6.0), 1.0, rtol=1e-3)  # plane Poiseuille flow
@@ -64,17 +62,16 @@ def test_kinetic_flow_has_its_limits_and_its_minimum() -> None:
     assert 0.5 < D[np.argmin(Q)] < 2.0  # the minimum of Knudsen
 
 
-@pytest.mark.parametrize("D", [1e-3, 0.05, 0.7, 40.0])
-def test_the_integral_is_that_of_the_rate(D: float) -> None:
-    ends = [0.0, *(end for end in (0.01, 0.15, 5.0) if end < D), D]
-    found = sum(integrate.quad(kinetic_flow_rate, *one, limit=200)[0] for one in pairwise(ends))
-    assert_allclose(kinetic_integral(D), found, rtol=1e-7)
+def test_the_integral_is_that_of_the_rate():
+    for D in (1e-3, 0.05, 0.7, 40.0):
+        ends = [0.0, *(end for end in (0.01, 0.15, 5.0) if end < D), D]
+        found = sum(integrate.quad(kinetic_flow_rate, *one, limit=200)[0] for one in pairwise(ends))
+        assert_allclose(kinetic_integral(D), found, rtol=1e-7)
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("path", PATHS)
-def test_plane_gap_from_viscous_to_free_molecular(law: str, path: float) -> None:
-    for outlet in (0.0, 0.5, 0.99):
+def test_plane_gap_from_viscous_to_free_molecular(law):
+    for path, outlet in itertools.product((1e-4, 1.0, 1e4), (0.0, 0.5, 0.99)):  # mean free path at the inlet over gap
         found = conduction_of_gas(np.full((9, 3), 0.7), 0, law, 0.7 * path, outlet)
         exact = plate_flow(law, 0.7, 1.0, outlet, 0.7 * path) / plate_flow("viscous", 0.7, 1.0, outlet, 1.0)
         assert_allclose(found.coefficient, exact, rtol=1e-8)
@@ -83,14 +80,13 @@ def test_plane_gap_from_viscous_to_free_molecular(law: str, path: float) -> None
             assert_allclose(exact, 1.0 + 12.0 * path / (1.0 + outlet), rtol=1e-12)
 
 
-def test_the_laws_meet_in_slip_flow() -> None:
+def test_the_laws_meet_in_slip_flow():
     slip, kinetic = (local_flow(law, 1.0, 1.0, 1e-3) for law in ("slip", "kinetic"))
     assert_allclose((kinetic - 1.0) / (slip - 1.0), 1.0162 * 2.0 / np.sqrt(np.pi), rtol=0.01)
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("path", [1e-3, 0.3, 50.0])
-def test_channels_beside_each_other_add_and_in_a_row_share_the_pressure(law: str, path: float) -> None:
+@pytest.mark.parametrize(("law", "path"), [*((law, 0.3) for law in LAWS), ("kinetic", 50.0)])
+def test_channels_beside_each_other_add_and_in_a_row_share_the_pressure(law, path):
     beside, row = np.zeros((8, 9)), np.ones((10, 2))
     beside[:, 1:4], beside[:, 5:8], row[4:] = 1.0, 0.3, 0.4
     found = flow(beside, 0, law, path, 0.2) * plate_flow("viscous", beside.mean(), 1.0, 0.2, 1.0)
@@ -106,19 +102,15 @@ def test_channels_beside_each_other_add_and_in_a_row_share_the_pressure(law: str
         assert_allclose(found / 10, first, rtol=1e-8)
 
 
-@pytest.mark.parametrize("axis", [0, 1])
-def test_viscous_gas_flows_as_a_liquid_in_squared_pressures(axis: int) -> None:
-    for outlet in (0.0, 0.7):
+def test_viscous_gas_flows_as_a_liquid_in_squared_pressures_and_free_molecular_slip_flow_is_linear():
+    for axis, outlet in ((0, 0.0), (1, 0.7)):
         assert_allclose(flow(GAP, axis, "viscous", 1.0, outlet), conduction(GAP, axis).coefficient, rtol=1e-6)
-
-
-def test_free_molecular_slip_flow_is_linear_in_pressure() -> None:
     found = flow(GAP, 0, "slip", 1e6, 0.0) * GAP.mean() ** 3 * 0.5
     assert_allclose(found, 6e6 * conduction(GAP, 0, 2.0).coefficient * GAP.mean() ** 2, rtol=1e-5)
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_throughput_is_that_of_a_mirrored_gap_and_of_any_unit_of_length(law: str) -> None:
+def test_throughput_is_that_of_a_mirrored_gap_and_of_any_unit_of_length(law):
     along = flow(GAP, 0, law, 0.1, 0.3)
     assert_allclose(flow(GAP[:, ::-1], 0, law, 0.1, 0.3), along, rtol=1e-8)
     assert_allclose(flow(GAP.T, 1, law, 0.1, 0.3), along, rtol=1e-8)
@@ -126,37 +118,26 @@ def test_throughput_is_that_of_a_mirrored_gap_and_of_any_unit_of_length(law: str
     assert_allclose(flow(GAP[::-1], 0, law, 0.1, 0.3), along, rtol=1e-6 if law == "viscous" else 0.05)
     for unit in (1e-100, 1e100):
         assert_allclose(flow(unit * GAP, 0, law, unit * 0.1, 0.3), along, rtol=1e-8)
-
-
-def test_a_linear_flow_at_the_mean_pressure_is_close_and_not_exact() -> None:
-    near = flow(GAP, 0, "slip", 0.1 * 2.0 * 0.9995, 0.999)  # λ at the mean pressure
-    assert 1e-6 < abs(near / flow(GAP, 0, "slip", 0.1, 0.0) - 1.0) < 0.05
-
-
-@pytest.mark.parametrize("law", ["slip", "kinetic"])
-def test_more_slips_through_with_a_longer_path(law: str) -> None:
-    flows = [flow(GAP, 0, law, path, 0.1) for path in (1e-3, 0.1, 10.0)]
-    assert all(one < other for one, other in pairwise(flows))
+    # more slips through with a longer path
+    assert law == "viscous" or flow(GAP, 0, law, 1e-3, 0.3) < along < flow(GAP, 0, law, 10.0, 0.3)
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("accuracy", [1e-2, 1e-4, 1e-6])
-@pytest.mark.parametrize(("path", "outlet", "seed"), [(0.01, 0.0, 1), (0.1, 0.5, 2), (10.0, 0.1, 3)])
-def test_a_throughput_is_within_its_stated_error(
-    law: str, accuracy: float, path: float, outlet: float, seed: int
-) -> None:
+@pytest.mark.parametrize(("path", "outlet", "seed"), [(0.01, 0.0, 1), (10.0, 0.1, 3)])
+def test_a_throughput_is_within_its_stated_error(law, path, outlet, seed):
     gap = rough(0.25, seed, D=2.4)
     exact = flow(gap, 0, law, path, outlet)
-    found = gas.conduction_of_gas(gap, 0, law, path, outlet, accuracy=accuracy)
-    assert found.error <= accuracy
-    assert abs(found.coefficient / exact - 1.0) <= found.error + 1e-9
+    for accuracy in (1e-2, 1e-6):
+        found = gas.conduction_of_gas(gap, 0, law, path, outlet, accuracy=accuracy)
+        assert found.error <= accuracy
+        assert abs(found.coefficient / exact - 1.0) <= found.error + 1e-9
 
 
 @pytest.mark.parametrize(("law", "path", "outlet"), [("knudsen", 1.0, 0.5), ("slip", -1.0, 0.5), ("slip", 1.0, 1.0)])
-def test_refused(law: str, path: float, outlet: float) -> None:
+def test_refused(law, path, outlet):
     with pytest.raises(ContactError, match="allowed"):
         conduction_of_gas(np.ones((3, 3)), 0, law, path, outlet)
 
 
-def test_a_closed_gap_passes_nothing() -> None:
+def test_a_closed_gap_passes_nothing():
     assert flow(np.zeros((3, 3)), 0, "kinetic", 1.0, 0.0) == 0.0

@@ -18,7 +18,7 @@ from tests.gap.kit import any_gap, rough
 DIRECT, EVERYTHING, SHIPPED = 200, 10**9, multigrid.DIRECT
 
 
-def straits() -> np.ndarray:
+def straits():
     """Narrow straits between wide lakes."""
     gap = np.ones((40, 20))
     gap[[12, 27]] = 0.0
@@ -39,56 +39,47 @@ FLOWS = {
 }
 
 
-def found(
-    seed: int, accuracy: float, monkeypatch: pytest.MonkeyPatch, direct: int = DIRECT, most: int = 200
-) -> tuple[float, float, float]:
-    """Return a flow by conjugate gradients, its stated error, and the exact flow; gaps are cut to ``most`` elements."""
+def check(seed, monkeypatch, direct=DIRECT, most=200):
+    """Check the stated errors of flows by conjugate gradients; return whether something flows.
+
+    Gaps are cut to ``most`` elements.
+    """
     gap, axis, periodic = any_gap(seed)
     gap = np.ascontiguousarray(gap[:most, :most])
     monkeypatch.setattr(multigrid, "DIRECT", EVERYTHING)
     exact = conduction(gap, axis, periodic=periodic).coefficient
     monkeypatch.setattr(multigrid, "DIRECT", direct)
-    flow = conduction(gap, axis, periodic=periodic, accuracy=accuracy)
-    return flow.coefficient, flow.error, exact
+    for accuracy in (1e-2, 1e-4, 1e-8):
+        flow = conduction(gap, axis, periodic=periodic, accuracy=accuracy)
+        assert flow.error <= accuracy
+        assert (flow.error > 0.0) == (exact > 0.0)  # by gradients, where something flows
+        assert -1e-10 * exact <= flow.coefficient - exact <= flow.error * exact + 1e-10 * exact, (seed, accuracy)
+    return exact > 0.0
 
 
-@pytest.mark.parametrize("seed", [0, 1, 4, 6, 8, 13, 27, 29, 30, 123, 129, 323])
-@pytest.mark.parametrize("accuracy", [1e-2, 1e-4, 1e-8])
-def test_a_flow_is_too_large_by_no_more_than_its_stated_error(
-    seed: int, accuracy: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    flow, error, exact = found(seed, accuracy, monkeypatch)
-    assert error <= accuracy
-    assert -1e-10 * exact <= flow - exact <= error * exact + 1e-10 * exact
+@pytest.mark.parametrize("seed", [0, 1, 4, 8, 13, 27, 30, 123, 129, 323])
+def test_a_flow_is_too_large_by_no_more_than_its_stated_error(seed, monkeypatch):
+    check(seed, monkeypatch)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", range(5))
-def test_hundred_gaps_of_each_kind_have_flows_within_their_stated_error(
-    kind: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_hundred_gaps_of_each_kind_have_flows_within_their_stated_error(kind, monkeypatch):
     """Over 500 random gaps with a flow: fractal, of a spectrum, channels, islands, decades."""
     flowing, seed = 0, kind
     while flowing < 100:
-        for accuracy in (1e-2, 1e-3, 1e-4, 1e-6):
-            flow, error, exact = found(seed, accuracy, monkeypatch)
-            assert error <= accuracy
-            assert -1e-9 * exact <= flow - exact <= error * exact, (seed, accuracy)
-        flowing += exact > 0.0
+        flowing += check(seed, monkeypatch)
         seed += 5
 
 
 @pytest.mark.slow
-def test_gaps_above_the_factorised_size_have_flows_within_their_stated_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_gaps_above_the_factorised_size_have_flows_within_their_stated_error(monkeypatch):
     for seed in range(500):
-        for accuracy in (1e-2, 1e-4, 1e-8):
-            flow, error, exact = found(seed, accuracy, monkeypatch, SHIPPED, 51 + seed % 20)
-            assert (error > 0.0) == (exact > 0.0)  # by gradients, where something flows
-            assert -1e-9 * exact <= flow - exact <= (error + 1e-9) * exact, (seed, accuracy)
+        check(seed, monkeypatch, SHIPPED, 51 + seed % 20)
 
 
 @pytest.mark.parametrize("name", FLOWS)
-def test_multigrid_finds_the_flow_of_the_factorisation(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_multigrid_finds_the_flow_of_the_factorisation(name, monkeypatch):
     monkeypatch.setattr(multigrid, "DIRECT", 100)
     found = FLOWS[name](accuracy=1e-11)
     monkeypatch.setattr(multigrid, "DIRECT", EVERYTHING)
@@ -100,33 +91,28 @@ def test_multigrid_finds_the_flow_of_the_factorisation(name: str, monkeypatch: p
         assert_allclose(found.flux, exact.flux, rtol=1e-4, atol=1e-4 * exact.flux.max())
 
 
-def test_a_flow_without_convergence_is_factorised(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_flow_without_convergence_is_factorised_or_an_error(monkeypatch):
     exact = conduction(rough(0.3, 1, D=2.3), 0, accuracy=1e-9)
     monkeypatch.setattr(multigrid, "DIRECT", 100)
     monkeypatch.setattr(network, "STEPS", 2)
     found = conduction(rough(0.3, 1, D=2.3), 0, accuracy=1e-9)
     assert found.error == 0.0
     assert found.coefficient == pytest.approx(exact.coefficient, rel=1e-9)
-
-
-def test_no_convergence_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(multigrid, "DIRECT", 100)
-    monkeypatch.setattr(network, "STEPS", 2)
     monkeypatch.setattr(network, "FACTORISED", 1000)
     with pytest.raises(ConvergenceError, match="did not converge"):
         conduction(rough(0.3, 1, D=2.3), 0)
 
 
-def grid(south: np.ndarray, east: np.ndarray) -> Conductances:
+def grid(south, east):
     """Return a grid whose first row is held."""
     own = np.zeros(south.shape)
     own[0] = 1.0
     return Conductances(south, east, own)
 
 
-@pytest.mark.parametrize("shape", [(2, 9), (9, 2), (1, 7), (7, 1), (5, 6)])
+@pytest.mark.parametrize("shape", [(2, 9), (1, 7), (7, 1), (5, 6)])
 @pytest.mark.parametrize("around", [False, True])
-def test_matrix_and_outflow_of_a_grid_are_those_of_its_joints(shape: tuple[int, int], around: bool) -> None:
+def test_matrix_and_outflow_of_a_grid_are_those_of_its_joints(shape, around):
     random = np.random.default_rng(sum(shape))
     south, east = random.random((2, *shape))
     if not around:
@@ -146,7 +132,7 @@ def test_matrix_and_outflow_of_a_grid_are_those_of_its_joints(shape: tuple[int, 
     assert_allclose(outflow, out, atol=1e-13)
 
 
-def test_the_cycle_is_symmetric_and_positive() -> None:
+def test_the_cycle_is_symmetric_and_positive():
     random = np.random.default_rng(0)
     south, east = np.exp(random.uniform(-12.0, 12.0, (2, 20, 30)))
     network = grid(south, east)

@@ -15,14 +15,13 @@ from roughvol.study import loads
 from roughvol.surfaces.surface import Surface
 
 STUDY = """
-name: edges
-surface: {H: 0.8, n: 32, rolloff: 2, cut: 8, sides: periodic, seeds: 1}
-sweep: {contact_areas: [0.1, 0.5, 1.0]}
-record: {contact_perimeter: true}
+surface: {H: 0.8, n: 32, rolloff: 2, cut: 8, sides: free, seeds: 1}
+sweep: {contact_areas: [0.1, 0.4]}
+record: {contact_perimeter: true, fields_at: {contact_area: 0.4}REGION}
 """
 
 
-def _counted(contact: np.ndarray, periodic: bool) -> int:
+def _counted(contact, periodic):
     """Count the pairs one by one."""
     rows, columns = contact.shape
     pairs = 0
@@ -35,23 +34,18 @@ def _counted(contact: np.ndarray, periodic: bool) -> int:
 
 
 @pytest.mark.parametrize("periodic", [False, True])
-def test_edges_are_those_counted_by_hand(periodic: bool) -> None:
+def test_edges_are_those_counted_by_hand(periodic):
     contact = np.random.default_rng(1).random((9, 6)) > 0.6
     # S_d = pairs δ, L = 9 δ, A_n = 54 δ²
     assert contact_perimeter(contact, periodic) == pytest.approx(_counted(contact, periodic) * 9 / 54)
     assert contact_perimeter(contact | True, periodic) == contact_perimeter(contact & False, periodic) == 0.0
 
 
-def test_a_rolled_period_has_the_same_perimeter() -> None:
-    contact = np.random.default_rng(2).random((8, 8)) > 0.5
-    assert contact_perimeter(np.roll(contact, (3, 5), (0, 1)), True) == contact_perimeter(contact, True)
-
-
-def test_the_corrected_area_of_a_sphere_is_nearer_to_hertz() -> None:
+def test_the_corrected_area_of_a_sphere_is_nearer_to_hertz():
     """Mean over contact radii of 8 to 15 elements, with the tip of the sphere anywhere in an element."""
-    n, random = 65, np.random.default_rng(5)
+    n, random = 49, np.random.default_rng(5)
     space, errors = HalfSpace((n, n)), []
-    for radius in np.linspace(8.0, 15.0, 12) / n:
+    for radius in np.linspace(8.0, 15.0, 9) / n:
         x, y = ((np.arange(n) - n // 2 - shift) / n for shift in random.random(2) - 0.5)
         sphere = Surface(-(x[:, None] ** 2 + y**2) / 2.0, 1.0 / n)  # R = 1
         indentation = radius**2 + sphere.z_max  # from the highest node and not from the tip
@@ -66,25 +60,15 @@ def test_the_corrected_area_of_a_sphere_is_nearer_to_hertz() -> None:
     )  # never < 0
 
 
-def test_a_study_stores_the_perimeter_of_every_step() -> None:
-    study = loads(STUDY, file="edges.yaml")
-    values = one_case.run_case(study.cases()[0])
-    found = values["contact_perimeter"].values.ravel()
-    assert found.shape == (3,)
-    assert found[2] == 0.0
-    assert found[1] > found[0] > 0.0
-
-
-def test_what_is_no_mask_is_refused() -> None:
+def test_what_is_no_mask_is_refused():
     with pytest.raises(ContactError, match="mask of bool"):
         contact_perimeter(np.zeros((3, 3)))
 
 
 @pytest.mark.parametrize("region", ["", ", region: {x: [0, 0.5], y: [0.25, 1]}"])
-def test_the_length_of_a_stored_perimeter_is_that_of_the_elements_along_x(region: str) -> None:
-    text = STUDY.replace("periodic", "free").replace("0.5, 1.0]", "0.4]")
-    text = text.replace("true}", f"true, fields_at: {{contact_area: 0.4}}{region}}}")
-    values = one_case.run_case(loads(text, file="edges.yaml").cases()[0])
+def test_the_length_of_a_stored_perimeter_is_that_of_the_elements_along_x(region):
+    values = one_case.run_case(loads(STUDY.replace("REGION", region)).cases()[0])
+    assert values["contact_perimeter"].shape[-1] == 2
     contact = values["pressure"].values[0, 0, 0, 0] > 0.0
     inside = contact[:17, 8:] if region else contact
     found = float(values["contact_perimeter"].isel(step=-1).item())

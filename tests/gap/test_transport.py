@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from itertools import pairwise
 
 import numpy as np
@@ -14,12 +13,12 @@ from roughvol.gap import clusters, quick_estimates
 from roughvol.gap.constriction import constriction
 from roughvol.gap.quick_estimates import effective_medium, single_junction
 from roughvol.gap.transport import cell_conduction, conduction
-from tests.gap.kit import Field, drawn, floods, rough, smooth
+from tests.gap.kit import floods, rough, smooth
 
 RANDOM = np.random.Generator(np.random.PCG64(11))
 
 
-def by_elimination(gap: Field, exponent: float) -> float:
+def by_elimination(gap, exponent):
     """Return the coefficient along x by replacing stars of conductances with meshes: no difference is ever taken."""
     k, (rows, columns) = gap**exponent, gap.shape
     number = np.arange(gap.size).reshape(gap.shape)
@@ -39,8 +38,8 @@ def by_elimination(gap: Field, exponent: float) -> float:
 # Where it is narrowest
 
 
-def test_critical_constriction_is_the_brute_force_one() -> None:
-    for trial in range(40):
+def test_critical_constriction_is_the_brute_force_one():
+    for trial in range(24):
         random, axis = np.random.default_rng(trial // 2), trial % 2
         gap = np.maximum(random.integers(-2, 12, random.integers(1, 11, 2)), 0).astype(float)  # with ties
         levels = [level for level in np.unique(gap[gap > 0.0]) if floods(gap >= level, axis)]
@@ -53,20 +52,11 @@ def test_critical_constriction_is_the_brute_force_one() -> None:
             assert constriction(gap, axis).gap <= found.gap
 
 
-def test_critical_constriction_of_distinct_gaps_carries_every_wide_path() -> None:
-    gap = rough(0.2, 3)
-    found = constriction(gap, 0)
-    wider = gap >= found.gap
-    assert floods(wider, 0)
-    wider[found.element] = False
-    assert not floods(wider, 0)
-
-
 # How much flows: closed forms
 
 
 @pytest.mark.parametrize(("axis", "exponent"), [(0, 3.0), (1, 1.0)])
-def test_plane_gap(axis, exponent) -> None:
+def test_plane_gap(axis, exponent):
     for shape in ((1, 1), (1, 6), (9, 4), (16, 16)):
         flow = conduction(np.full(shape, 0.37), axis, exponent)
         assert flow.coefficient == pytest.approx(1.0, rel=1e-13)
@@ -76,7 +66,7 @@ def test_plane_gap(axis, exponent) -> None:
     assert cell_conduction(np.full((5, 7), 3.0), axis, exponent) == pytest.approx(1.0)
 
 
-def test_channel_between_walls() -> None:
+def test_channel_between_walls():
     gap = np.zeros((12, 10))
     gap[:, 3:7] = 0.2
     # a width of 4 of 10 elements, and a mean gap 0.4 times that of the channel
@@ -86,7 +76,7 @@ def test_channel_between_walls() -> None:
 
 
 @pytest.mark.parametrize("exponent", [1.0, 3.0])
-def test_waves_along_and_across_the_flow(exponent) -> None:
+def test_waves_along_and_across_the_flow(exponent):
     wave = 1.0 + 0.9 * np.sin(2 * np.pi * (np.arange(40) + 0.5) / 40)
     gap = np.repeat(wave[:, None], 7, axis=1)
     k = wave**exponent / wave.mean() ** exponent
@@ -99,7 +89,7 @@ def test_waves_along_and_across_the_flow(exponent) -> None:
         assert flow(1) == pytest.approx(np.mean(k), rel=1e-10)
 
 
-def test_checkerboard_of_two_gaps_tends_to_the_geometric_mean() -> None:
+def test_checkerboard_of_two_gaps_tends_to_the_geometric_mean():
     low, high, errors = 1.0, 4.0, []
     for size in (2, 4, 8, 16):
         gap = np.where((np.indices((8 * size, 8 * size)) // size).sum(axis=0) % 2, low, high)
@@ -110,14 +100,7 @@ def test_checkerboard_of_two_gaps_tends_to_the_geometric_mean() -> None:
     assert errors[-1] < 0.011 * np.sqrt(low * high)
 
 
-def test_dead_ends_and_pockets_do_not_conduct() -> None:
-    gap = drawn(".#### .###9 ..9#9 .#### .####")
-    straight = drawn(".#### .#### .#### .#### .####")
-    expected = conduction(straight, 0).coefficient
-    assert conduction(gap, 0).coefficient * (gap.mean() / straight.mean()) ** 3 == pytest.approx(expected, rel=1e-6)
-
-
-def gaps_of_another_code() -> dict[str, Field]:
+def gaps_of_another_code():
     """Return gaps of different kinds: waves, steps, channels, straits, random fields, and rough surfaces."""
     i, j = (np.indices((32, 32)) + 0.5) / 32
     random = np.random.default_rng(5)
@@ -143,7 +126,7 @@ def gaps_of_another_code() -> dict[str, Field]:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of what it imports
 @pytest.mark.parametrize("kind", gaps_of_another_code())
-def test_another_code_finds_the_same_flow(kind) -> None:
+def test_another_code_finds_the_same_flow(kind):
     other = pytest.importorskip("reynoldsflow.transport", reason="pip install 'roughvol[crosscheck]'")
     gap = gaps_of_another_code()[kind]
     gap[:, 0] = 0.0  # a wall: periodic sideways is then closed sideways
@@ -155,8 +138,8 @@ def test_another_code_finds_the_same_flow(kind) -> None:
 # Laws
 
 
-@pytest.mark.parametrize(("share", "exponent"), [(0.0, 1.0), (0.2, 3.0), (0.35, 3.0)])
-def test_mirror_and_quarter_turn(share, exponent) -> None:
+@pytest.mark.parametrize(("share", "exponent"), [(0.0, 1.0), (0.35, 3.0)])
+def test_mirror_and_quarter_turn(share, exponent):
     gap = rough(share, 5)[:, :25]
     found = conduction(gap, 0, exponent)
     for other, axis in ((gap[::-1], 0), (gap[:, ::-1], 0), (gap.T, 1), (np.rot90(gap), 1)):
@@ -167,44 +150,32 @@ def test_mirror_and_quarter_turn(share, exponent) -> None:
     assert_allclose(conduction(gap.T, 1, exponent).flux, found.flux[::-1].transpose(0, 2, 1), rtol=1e-9, atol=1e-12)
 
 
-def test_neither_unit_of_length_nor_underflow_matters() -> None:
+def test_neither_unit_of_length_nor_underflow_matters():
     gap = rough(0.25, 2)
     for unit in (1e-200, 1e200):
         assert conduction(unit * gap, 0).coefficient == pytest.approx(conduction(gap, 0).coefficient, rel=1e-10)
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-def test_a_narrower_gap_lets_less_through(axis) -> None:
+def test_a_narrower_gap_lets_less_through_and_what_flows_in_flows_through_every_line(axis):
     gap, flows, critical = rough(0.1, 1), [], []
     for closing in (0.0, 0.1, 0.3, 0.6):
         gap = np.maximum(gap - closing * gap.mean() * RANDOM.random(gap.shape), 0.0)
-        flows.append(conduction(gap, axis).coefficient * gap.mean() ** 3)
+        flow = conduction(gap, axis)
+        flows.append(flow.coefficient * gap.mean() ** 3)
         critical.append(constriction(gap, axis).gap)
+        assert flow.conservation_error < 1e-12
+        assert_allclose(flow.flux[axis].mean(axis=1 - axis), flow.coefficient, rtol=1e-12)
+        assert not flow.flux[:, gap == 0.0].any()
     assert all(later < earlier for earlier, later in pairwise(flows))
     assert all(later <= earlier for earlier, later in pairwise(critical))
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-def test_what_flows_in_flows_through_every_line_and_out(axis) -> None:
-    gap = rough(0.3, 4)
-    flow = conduction(gap, axis)
-    assert flow.conservation_error < 1e-12
-    assert_allclose(flow.flux[axis].mean(axis=1 - axis), flow.coefficient, rtol=1e-12)
-    assert not flow.flux[:, gap == 0.0].any()
-
-
-def test_coefficients_lie_between_series_and_parallel() -> None:
-    gap = rough(0.0, 6) + 0.1
-    for exponent in (1.0, 3.0):
-        k = gap**exponent / gap.mean() ** exponent
-        assert 1 / np.mean(1 / k) < conduction(gap, 0, exponent).coefficient < np.mean(k)
 
 
 # Periods
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-def test_joined_sides_do_not_depend_on_where_they_are_cut_and_let_more_through(axis: int) -> None:
+def test_joined_sides_do_not_depend_on_where_they_are_cut_and_let_more_through(axis):
     """A roll across the flow changes nothing with joined sides."""
     for seed in range(4):
         gap = smooth(seed, 0.45)
@@ -217,7 +188,7 @@ def test_joined_sides_do_not_depend_on_where_they_are_cut_and_let_more_through(a
         assert conduction(gap, axis, periodic=True).coefficient >= closed * (1.0 - 1e-9)
 
 
-def test_a_way_over_the_seam_counts() -> None:
+def test_a_way_over_the_seam_counts():
     gap = np.zeros((4, 5))
     gap[:2, 0], gap[1:, 4] = 1.0, 1.0  # down the first column, over the seam, down the last
     assert not clusters.percolates(gap > 0.0, 0)
@@ -229,9 +200,8 @@ def test_a_way_over_the_seam_counts() -> None:
     assert np.abs(flow.flux[0].sum(axis=1) - flow.flux[0].sum(axis=1)[0]).max() < 1e-12
 
 
-@pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize("seed", range(3))
-def test_cell_is_the_limit_of_many_periods_and_has_no_origin(seed: int, axis: int) -> None:
+@pytest.mark.parametrize(("seed", "axis"), [(0, 0), (1, 1)])
+def test_cell_is_the_limit_of_many_periods_and_has_no_origin(seed, axis):
     gap = smooth(seed, 0.35)
     cell = cell_conduction(gap, axis)
     assert cell_conduction(np.roll(gap, (13, 5), (0, 1)), axis) == pytest.approx(cell, rel=1e-9)
@@ -241,7 +211,7 @@ def test_cell_is_the_limit_of_many_periods_and_has_no_origin(seed: int, axis: in
     assert cell_conduction(gap.T, 1 - axis) == pytest.approx(cell, rel=1e-12)
 
 
-def test_a_cell_needs_a_way_without_end() -> None:
+def test_a_cell_needs_a_way_without_end():
     stairs = np.zeros((4, 5))
     stairs[:2, 1], stairs[1:, 2] = 1.0, 1.0
     assert cell_conduction(stairs, 0) == 0.0
@@ -251,15 +221,15 @@ def test_a_cell_needs_a_way_without_end() -> None:
 # Extremes
 
 
-def test_contrast_of_many_decades_against_elimination_without_differences() -> None:
+def test_contrast_of_many_decades_against_elimination_without_differences():
     for decades, seed in ((2, 0), (6, 1), (12, 2), (12, 3)):
         gap = 10.0 ** (decades * np.random.default_rng(seed).uniform(-1.0, 0.0, (11, 9)))  # g³: up to 36 decades
         tolerance = 1e-5 if decades > 2 else 1e-12
         assert conduction(gap, 0).coefficient == pytest.approx(by_elimination(gap, 3.0), rel=tolerance)
 
 
-@pytest.mark.parametrize("narrow", [1e-1, 1e-3, 1e-5])
-def test_lakes_joined_by_narrow_straits_keep_their_flow(narrow) -> None:
+@pytest.mark.parametrize("narrow", [1e-1, 1e-5])
+def test_lakes_joined_by_narrow_straits_keep_their_flow(narrow):
     gap = np.ones((30, 10))
     gap[[9, 20]] = 0.0
     gap[9, 2] = gap[20, 7] = narrow
@@ -271,17 +241,10 @@ def test_lakes_joined_by_narrow_straits_keep_their_flow(narrow) -> None:
         assert flow.coefficient == pytest.approx(0.5 * single_junction(gap, 0), rel=1e-6)
 
 
-def test_a_narrow_strait_of_a_cell_carries_the_flow_of_one_junction() -> None:
+def test_a_narrow_strait_of_a_cell_carries_the_flow_of_one_junction():
     gap = np.ones((12, 12))
     gap[5], gap[5, 4] = 0.0, 1e-4
     assert cell_conduction(gap, 0) * gap.mean() ** 3 == pytest.approx(2e-12 / 2.0, rel=1e-6)
-
-
-def test_a_grid_of_the_paper_takes_well_under_a_second() -> None:
-    gap = rough(0.25, 1, m=8)
-    started = time.process_time()
-    assert conduction(gap, 0, accuracy=1e-9).conservation_error < 1e-4
-    assert time.process_time() - started < 2.0
 
 
 @pytest.mark.parametrize(
@@ -293,6 +256,6 @@ def test_a_grid_of_the_paper_takes_well_under_a_second() -> None:
         (lambda: conduction(np.ones((3, 3)), 0, 0.0), "exponent must be > 0, got 0.0"),
     ],
 )
-def test_refused(call, words) -> None:
+def test_refused(call, words):
     with pytest.raises(ContactError, match=words):
         call()
