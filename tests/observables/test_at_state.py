@@ -8,27 +8,27 @@ from numpy.testing import assert_allclose
 from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_steps
 
 
-def test_steps_are_met_and_curves_followed() -> None:
+def test_steps_are_met_and_curves_followed():
     x = np.linspace(0.0, 1.0, 31)
     assert_allclose(at_state(x, np.exp(-x), x), np.exp(-x))
     between = 0.5 * (x[1:] + x[:-1])
     assert_allclose(at_state(x, np.exp(-x), between), np.exp(-between), atol=2e-5)
 
 
-def test_nothing_is_extrapolated() -> None:
+def test_nothing_is_extrapolated():
     x = np.linspace(0.2, 1.0, 5)
     assert np.isnan(at_state(x, x, [0.1, 1.01])).all()
     assert np.isnan(at_state([], [], 0.3)).all()
     assert_allclose(at_state([0.3], [7.0], [0.3, 0.4]), [7.0, np.nan])
 
 
-def test_a_state_may_fall_or_rest() -> None:
+def test_a_state_may_fall_or_rest():
     falling = np.array([3.0, 2.0, 2.0, 1.0, 0.0])
     assert_allclose(at_state(falling, [0.0, 1.0, 1.0, 2.0, 3.0], [2.5, 1.0]), [0.5, 2.0])
     assert_allclose(at_state([0.0, np.nan, 1.0], [0.0, 5.0, 1.0], 0.5), 0.5)
 
 
-def test_the_error_of_fewer_steps_is_that_at_the_omitted_ones() -> None:
+def test_the_error_of_fewer_steps_is_that_at_the_omitted_ones():
     x = np.linspace(0.0, 2.0, 61)
     for every in (2, 3, 6):
         sparse = x[::every]
@@ -39,7 +39,7 @@ def test_the_error_of_fewer_steps_is_that_at_the_omitted_ones() -> None:
         assert abs(error_of_fewer_steps(x, 2.0 * x, 1.0, every)) < 1e-12
 
 
-def test_fewer_steps_that_do_not_reach_a_state_have_no_finite_error() -> None:
+def test_fewer_steps_that_do_not_reach_a_state_have_no_finite_error():
     x = np.linspace(0.0, 1.0, 13)
     y = np.where(x > 0.0, 1.0 - x, np.nan)  # unknown at first touch
     assert error_of_fewer_steps(x, y, 0.02, 2) == np.inf
@@ -48,7 +48,7 @@ def test_fewer_steps_that_do_not_reach_a_state_have_no_finite_error() -> None:
     assert error_of_fewer_steps([], [], 0.3, 2) == np.inf
 
 
-def test_straight_lines_keep_the_steps_of_equal_state() -> None:
+def test_straight_lines_keep_the_steps_of_equal_state():
     state, quantity = [0.0, 1.0, 1.0, 2.0], [4.0, 3.0, 1.0, 0.0]
     assert_allclose(at_state(state, quantity, [0.5, 1.5], straight=True), [3.5, 0.5])
     assert_allclose(at_state(state[::-1], quantity[::-1], [0.5], straight=True), [3.5])

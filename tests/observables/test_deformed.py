@@ -4,29 +4,26 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from roughvol.campaign import execution
 from roughvol.campaign.case_surface import surface_of
 from roughvol.campaign.cost import estimate
 from roughvol.campaign.one_case import run_case
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.loading import Contact, solve
+from roughvol.contact.loading import solve
 from roughvol.errors import StudyError
 from roughvol.observables import deformed
 from roughvol.observables.regions import View, check
 from roughvol.observables.variables import VARIABLES
 from roughvol.store import dataset
-from roughvol.store.dataset import Dataset
-from roughvol.study import Case, loads
+from roughvol.study import loads
 from roughvol.surfaces import texture
 from roughvol.surfaces.psd import spectral
 from roughvol.surfaces.surface import Surface
+from tests.observables.kit import answer
 
 TEXT = """
 surface: {D: 2.3, m: 5, seeds: [1], L: 100}
@@ -38,26 +35,24 @@ NUMBERS = ("Sa", "Ssk", "Sku", "Sp", "Sv", "Sz", "Svi", "Sbi", "hurst_structure"
 CURVES = ("material_ratio", "structure_function")
 
 
-def _case(which: str = AT, *, region: str = "") -> Case:
+def _case(which=AT, *, region=""):
     text = TEXT.replace("WHICH", which)
     return loads(text.replace("heights: true", f"heights: true, region: {region}") if region else text).cases()[0]
 
 
 @pytest.fixture(scope="module")
-def result() -> Dataset:
+def result():
     return run_case(_case()).squeeze(("D", "m", "seed"))
 
 
 @pytest.fixture(scope="module")
-def pressed() -> tuple[Surface, HalfSpace, Contact]:
+def pressed():
     surface = surface_of(_case())
     half_space = HalfSpace(surface.shape)
     return surface, half_space, solve(surface, half_space, 2.0, rtol=1e-9)
 
 
-def test_the_deformed_surface_is_the_rough_one_less_the_displacement(
-    pressed: tuple[Surface, HalfSpace, Contact],
-) -> None:
+def test_the_deformed_surface_is_the_rough_one_less_the_displacement(pressed):
     surface, half_space, contact = pressed
     view = View(_case(), surface, contact, half_space)
     scaled = contact.pressure() / (np.pi * (surface.shape[0] - 1))
@@ -69,26 +64,7 @@ def test_the_deformed_surface_is_the_rough_one_less_the_displacement(
     assert_allclose(stored["structure_function_loaded"], texture.structure_function(z, deformed.lags(z.shape)))
 
 
-def test_load_flattens_the_surface(result: Dataset) -> None:
-    light, heavy = result.isel(texture_at=0), result.isel(texture_at=1)
-    for name in ("Sq", "Sa", "Sp", "Sz", "Sdq"):  # peaks are cut off, and the rest rises to them
-        assert result[name] > light[f"{name}_loaded"] > heavy[f"{name}_loaded"] > 0, name
-    assert result.Ssk > light.Ssk_loaded > heavy.Ssk_loaded
-    assert np.all(light.structure_function_loaded > heavy.structure_function_loaded)
-
-
-def test_a_light_touch_leaves_the_texture_as_it_is() -> None:
-    case = _case("true")
-    surface = surface_of(case)
-    half_space = HalfSpace(surface.shape)
-    view = View(case, surface, solve(surface, half_space, 1e-3), half_space)
-    before, under = deformed.before_load(case, surface), deformed.under_load(view)
-    for name in NUMBERS:
-        assert_allclose(under[f"{name}_loaded"], before[name], rtol=1e-2, atol=1e-3, err_msg=name)
-    assert_allclose(under["material_ratio_loaded"], before["material_ratio"], atol=0.01)
-
-
-def test_the_material_ratio_under_load_drops_from_the_contact_to_zero_at_the_plane(result: Dataset) -> None:
+def test_the_material_ratio_under_load_drops_from_the_contact_to_zero_at_the_plane(result):
     for state in (result.isel(texture_at=0), result.isel(texture_at=1)):
         plane, area = float(state.texture_at_free_volume), float(state.texture_at_contact_area_fraction)
         ratio = state.material_ratio_loaded
@@ -99,28 +75,12 @@ def test_the_material_ratio_under_load_drops_from_the_contact_to_zero_at_the_pla
     assert result.material_ratio.sel(material_level=0.0) == (result.heights >= result.heights.mean()).mean()
 
 
-def test_the_retained_volume_is_no_more_than_the_free_volume(result: Dataset) -> None:
-    # The volume below a plane that is not above that of the contact.
-    retained = result.Svi_loaded * result.Sq_loaded / result.Sq
-    assert np.all(retained > 0.0)
-    assert np.all(retained < result.texture_at_free_volume)
-
-
-def test_states_are_those_of_the_fields(result: Dataset) -> None:
-    assert result.texture_at.values.tolist() == result.field_at.values.tolist()
-    assert_array_equal(result.texture_at_step, result.field_at_step)
-    for k in range(2):
-        heights = -result.gap.values[k] * float(result.Sq)
-        for name in NUMBERS[:-1]:
-            assert result[f"{name}_loaded"][k] == getattr(texture, name)(heights), name
-
-
-@pytest.mark.parametrize("region", ["interior", "{x: [0, 0.5]}", "{x: [0.4, 0.44], y: [0.4, 0.44]}"])
-def test_texture_is_of_the_region(region: str) -> None:
+@pytest.mark.parametrize("region", ["{x: [0, 0.5]}", "{x: [0.4, 0.44], y: [0.4, 0.44]}"])
+def test_texture_is_of_the_region(region):
     case = _case("{at: {indentation: 2}}", region=region)
     surface = surface_of(case)
     result = run_case(case).squeeze(("D", "m", "seed", "texture_at"))
-    x, y = case.record.region.x, case.record.region.y  # type: ignore[union-attr]
+    x, y = case.record.region.x, case.record.region.y
     inside = tuple(slice(int(np.ceil(a * 32)), int(b * 32) + 1) for a, b in (x, y))
     assert result.Sa == texture.Sa(surface.heights[inside])
     assert result.Sq_region == texture.Sq(surface.heights[inside])
@@ -130,7 +90,7 @@ def test_texture_is_of_the_region(region: str) -> None:
     assert_allclose(result.Sa_loaded, texture.Sa(-gap * surface.Sq), rtol=1e-4)
 
 
-def test_curves_of_several_sizes_are_one_dataset() -> None:
+def test_curves_of_several_sizes_are_one_dataset():
     text = TEXT.replace("WHICH", "true").replace("m: 5", "m: [3, 5]").replace("[0.02, 0.05]", "0.02")
     study = dataset.combine([run_case(case) for case in loads(text).cases()], {}).squeeze(("D", "seed"))
     assert study.lag.values.tolist() == [1, 2, 4, 8, 16]
@@ -140,25 +100,26 @@ def test_curves_of_several_sizes_are_one_dataset() -> None:
     assert study.lag.dtype.kind == "i"
 
 
-def test_a_measured_surface_has_its_texture(tmp_path: Path) -> None:
+def test_a_measured_surface_has_its_texture(tmp_path):
     heights = np.random.default_rng(3).normal(size=(20, 33)).cumsum(0).cumsum(1)
     np.save(tmp_path / "z.npy", heights)
     text = "surface: {file: z.npy, L: 2 mm}\nsweep: {steps: 3}\nrecord: {texture: true, region: {x: [0, 0.8]}}"
-    study = loads(text, tmp_path / "a.yaml")
-    stored = execution.run(study, out=tmp_path / "run", jobs=1).squeeze("case")
+    stored = answer(text, tmp_path / "a.yaml")
     assert stored.Svi == texture.Svi(heights[:16])
     assert stored.Sa.attrs == {"units": "mm", "long_name": VARIABLES["Sa"].long_name, "symbol": "Sa"}
-    assert stored.Svi_loaded.sizes == {"texture_at": 1}
     assert stored.Sa_loaded < stored.Sa
 
 
-def test_without_contact_there_is_the_texture_before_load() -> None:
-    result = run_case(loads("surface: {D: 2.3, m: 4, seeds: 1}\nsweep: {steps: 0}\nrecord: {texture: true}").cases()[0])
+def test_without_contact_there_are_texture_and_spectrum_before_load():
+    text = PERIOD + "sweep: {steps: 0}\nrecord: {texture: true, psd: true}"
+    (case,) = loads(text).cases()
+    result = run_case(case)
     assert {*NUMBERS, *CURVES} <= set(result.data_vars)
+    assert_array_equal(result["psd"].squeeze(), spectral(surface_of(case)).psd)
     assert not [name for name in result.variables if "_loaded" in str(name) or "texture_at" in str(name)]
 
 
-def test_a_flat_surface_has_no_ratios(tmp_path: Path) -> None:
+def test_a_flat_surface_has_no_ratios(tmp_path):
     np.save(tmp_path / "z.npy", np.full((9, 9), 2.5))
     text = "surface: {file: z.npy, L: 1, sides: free}\nsweep: {steps: 2, to: {indentation: 1}}\nrecord: {texture: true}"
     result = run_case(loads(text, tmp_path / "a.yaml").cases()[0])
@@ -168,7 +129,7 @@ def test_a_flat_surface_has_no_ratios(tmp_path: Path) -> None:
         assert not np.isnan(result["structure_function" + suffix]).any()
 
 
-def test_true_is_short_for_the_last_state_and_false_for_nothing() -> None:
+def test_true_is_short_for_the_last_state_and_false_for_nothing():
     assert _case("true").record.texture == _case("{}").record.texture == _case("{at: last}").record.texture
     assert _case("false").record.texture is None
     plain = TEXT.replace("texture: WHICH, ", "")
@@ -177,18 +138,9 @@ def test_true_is_short_for_the_last_state_and_false_for_nothing() -> None:
     assert loads(study.to_yaml()) == study
 
 
-def test_its_cost_is_estimated_and_measured(result: Dataset) -> None:
+def test_its_cost_is_estimated_and_measured(result):
     assert set(estimate(loads(TEXT.replace("WHICH", AT)), jobs=1).observables) == {"fields_at", "texture"}
     assert result.observable_time.sel(observable="texture") > 0.0
-
-
-def test_nothing_is_computed_that_is_not_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*arguments: Any) -> None:
-        raise AssertionError(arguments)
-
-    for name in ("numbers", "curves"):
-        monkeypatch.setattr(deformed, name, refuse)
-    run_case(_case("false"))
 
 
 # the spectrum
@@ -201,7 +153,7 @@ WAVES_AT = "record: {psd: {at: {pressure: [0.5, 2.0]}}, fields_at: {pressure: [0
 
 
 @pytest.mark.parametrize("surface", [PERIOD, PATCH], ids=["period", "patch"])
-def test_under_load_it_is_that_of_the_gap_in_the_units_of_the_heights(surface: str) -> None:
+def test_under_load_it_is_that_of_the_gap_in_the_units_of_the_heights(surface):
     (case,) = loads(surface + WAVES_SWEEP + WAVES_AT + "}").cases()
     data, made = run_case(case).squeeze(), surface_of(case)
     for number in (0, 1):
@@ -220,7 +172,7 @@ def test_under_load_it_is_that_of_the_gap_in_the_units_of_the_heights(surface: s
         assert_allclose(data["rms_height_loaded"], exact, rtol=1e-9)
 
 
-def test_a_region_is_a_patch_with_its_own_wave_numbers() -> None:
+def test_a_region_is_a_patch_with_its_own_wave_numbers():
     (case,) = loads(PERIOD + WAVES_SWEEP + WAVES_AT + ", region: interior}").cases()
     data, made = run_case(case).squeeze(), surface_of(case)
     inside = np.s_[8:25, 8:25]
@@ -231,13 +183,13 @@ def test_a_region_is_a_patch_with_its_own_wave_numbers() -> None:
     assert_allclose(data["psd_loaded"].values[0], loaded.psd, rtol=1e-9)
 
 
-def test_full_contact_leaves_no_waves() -> None:
+def test_full_contact_leaves_no_waves():
     (case,) = loads(PERIOD + "sweep: {steps: 2}\nrecord: {psd: {at: last}}").cases()
     data = run_case(case).squeeze()
     assert float(data["rms_height_loaded"]) < 1e-9 * float(data["rms_height"])
 
 
-def test_every_request_of_a_spectrum_is_another_case() -> None:
+def test_every_request_of_a_spectrum_is_another_case():
     records = ("psd: true", "psd: {at: last}", "psd: true, region: interior", "region: interior", "psd: false")
     cases = [loads(f"{PERIOD}{WAVES_SWEEP}record: {{{record}}}").cases()[0] for record in records]
     assert len({case.id for case in cases}) == len(cases)
@@ -248,13 +200,7 @@ def test_every_request_of_a_spectrum_is_another_case() -> None:
         assert type(study.record).model_validate(key).psd == study.record.psd  # as stored states are read
 
 
-def test_a_region_of_two_elements_is_refused() -> None:
+def test_a_region_of_two_elements_is_refused():
     (case,) = loads(PERIOD + WAVES_SWEEP + "record: {psd: true, region: {x: [0, 0.05]}}").cases()
     with pytest.raises(StudyError, match=r"record\.region.*2 × 32 elements; record\.psd needs 3 × 3"):
         check(case, (32, 32))
-
-
-def test_before_load_nothing_is_changed() -> None:
-    (case,) = loads(PERIOD + "sweep: {steps: 0}\nrecord: {psd: true}").cases()
-    surface = surface_of(case)
-    assert_array_equal(deformed.spectrum_before_load(case, surface)["psd"], spectral(surface).psd)

@@ -7,25 +7,22 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from roughvol.campaign.one_case import run_case
 from roughvol.gap import transport
-from roughvol.store import dataset
-from roughvol.store.dataset import Dataset
-from roughvol.study import Case
 from tests.observables.kit import case_of, states_of
 
 SWEEP = "sweep: {steps: 4, to: {indentation: 3}}\n"
 WIDTHS = "record: {region_widths: {shares: [1, 0.5, 0.75], transmissivity: {step: [2, 4]}}"
 
 
-def _case(text: str) -> Case:
+def _case(text):
     return case_of(SWEEP + text)
 
 
 @pytest.fixture(scope="module")
-def result() -> Dataset:
+def result():
     return run_case(_case(WIDTHS + ", transport: {transmissivity: every-step}}")).squeeze(("D", "m", "seed"))
 
 
-def test_the_widest_region_is_the_whole(result: Dataset) -> None:
+def test_the_widest_region_is_the_whole(result):
     whole = result.sel(region_width=1.0)
     for name in ("contact_area_fraction", "mean_pressure", "free_volume"):
         assert_allclose(whole[f"{name}_within"], result[name], rtol=1e-12)
@@ -34,7 +31,7 @@ def test_the_widest_region_is_the_whole(result: Dataset) -> None:
     assert_allclose(inside[1::2], result["transmissivity"][1::2], rtol=1e-12)  # one starts from the state before
 
 
-def test_a_region_holds_what_its_elements_do(result: Dataset) -> None:
+def test_a_region_holds_what_its_elements_do(result):
     *_, state = states_of(_case(WIDTHS + "}"), result.indentation.values)
     for width, inside in ((0.5, slice(4, 13)), (0.75, slice(2, 15))):
         found = result.sel(region_width=width).isel(step=-1)
@@ -46,7 +43,7 @@ def test_a_region_holds_what_its_elements_do(result: Dataset) -> None:
 
 
 @pytest.mark.parametrize("width", [0.25, 0.9])
-def test_a_central_region_is_that_of_its_corners(width: float) -> None:
+def test_a_central_region_is_that_of_its_corners(width):
     corner = f"[{0.5 - width / 2}, {0.5 + width / 2}]"
     named = run_case(_case(f"record: {{region: {{x: {corner}, y: {corner}}}}}"))
     inside = run_case(_case(f"record: {{region_widths: {{shares: {width}, at: last}}}}")).isel(region_width=0)
@@ -55,7 +52,7 @@ def test_a_central_region_is_that_of_its_corners(width: float) -> None:
         assert inside[f"{name}_within"].isel(step=slice(-1)).isnull().all()
 
 
-def test_regions_do_not_change_what_is_solved(result: Dataset) -> None:
+def test_regions_do_not_change_what_is_solved(result):
     plain = run_case(_case("")).squeeze(("D", "m", "seed"))
     for name in ("indentation", "contact_area_fraction", "mean_pressure", "free_volume", "residual"):
         assert_array_equal(plain[name], result[name])
@@ -64,7 +61,7 @@ def test_regions_do_not_change_what_is_solved(result: Dataset) -> None:
 # What was recorded, and what it took
 
 
-def test_the_seconds_of_everything_recorded_are_told(result: Dataset) -> None:
+def test_the_seconds_of_everything_recorded_are_told(result):
     assert result.observable.values.tolist() == ["transmissivity", "region_widths", "region_transmissivity"]
     taken = result.observable_time
     assert (taken > 0).all()
@@ -72,7 +69,7 @@ def test_the_seconds_of_everything_recorded_are_told(result: Dataset) -> None:
     assert float(taken.sel(observable="transmissivity")) == pytest.approx(float(result.transport_time.sum()), rel=1e-9)
 
 
-def test_each_observable_that_was_asked_for_has_its_name() -> None:
+def test_each_observable_that_was_asked_for_has_its_name():
     text = (
         "record: {fields_at: last, box_counting: {}, volume_density: {}, transport: {flux_at: last, percolation: last}}"
     )
@@ -81,14 +78,7 @@ def test_each_observable_that_was_asked_for_has_its_name() -> None:
     assert "observable" not in run_case(_case("")).variables
 
 
-def test_two_equal_runs_differ_in_nothing_but_times() -> None:
-    case = _case(WIDTHS + ", volume_density: {}}")
-    first, second = run_case(case), run_case(case)
-    assert dataset.answers(first).identical(dataset.answers(second))
-    assert not {"wall_time", "observable_time"} & set(dataset.answers(first).variables)
-
-
-def test_the_aspect_is_that_of_the_region() -> None:
+def test_the_aspect_is_that_of_the_region():
     text = "record: {region: {x: [0, 0.5]}, transport: {transmissivity: last}}"
     assert float(run_case(_case(text)).region_aspect.item()) == 17 / 9
     assert "region_aspect" not in run_case(_case("record: {transport: {percolation: last}}"))

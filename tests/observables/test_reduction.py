@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from roughvol.campaign.case_surface import surface_of
-from roughvol.contact.loading import Contact
 from roughvol.observables import levels, reduction
-from roughvol.study import Case, Level, loads
+from roughvol.study import Level, loads
 from tests.observables.kit import case_of, reduced, states_of
 
 STEPS = 8
@@ -27,21 +25,21 @@ record:
 
 
 @pytest.fixture(scope="module")
-def case() -> Case:
+def case():
     return case_of(STUDY)
 
 
 @pytest.fixture(scope="module")
-def contacts(case: Case) -> list[Contact]:
+def contacts(case):
     return states_of(case, np.arange(1, STEPS + 1) / 2)
 
 
 @pytest.fixture(scope="module")
-def values(case: Case, contacts: list[Contact]) -> dict[str, Any]:
+def values(case, contacts):
     return reduced(case, contacts)
 
 
-def test_a_level_is_the_first_state_that_reaches_it(values: dict[str, Any], contacts: list[Contact]) -> None:
+def test_a_level_is_the_first_state_that_reaches_it(values, contacts):
     areas = np.array([contact.contact_area_fraction for contact in contacts])
     first = 1 + int(np.argmax(areas >= 0.01))
     labels = ["step=3", "step=8", "contact_area=0.01", "separation=-50"]
@@ -52,23 +50,7 @@ def test_a_level_is_the_first_state_that_reaches_it(values: dict[str, Any], cont
     assert values["density_at_step"] == [STEPS]
 
 
-def test_fields_are_those_of_their_state(values: dict[str, Any], contacts: list[Contact]) -> None:
-    for label, step in zip(values["field_at"], values["field_at_step"], strict=True):
-        index = values["field_at"].index(label)
-        if step < 0:
-            assert np.isnan(values["gap"][index]).all()
-            continue
-        if label.startswith("contact_area"):  # between two steps, see test_levels.py
-            assert values["field_at_indentation"][index] < contacts[step - 1].indentation
-            continue
-        assert_array_equal(values["gap"][index], contacts[step - 1].gap())
-        assert_array_equal(values["pressure"][index], contacts[step - 1].pressure())
-        assert not np.any(values["gap"][index] * values["pressure"][index])
-
-
-def test_density_is_one_in_all_and_its_mean_is_the_free_volume(
-    values: dict[str, Any], contacts: list[Contact], case: Case
-) -> None:
+def test_density_is_one_in_all_and_its_mean_is_the_free_volume(values, contacts, case):
     surface, last = surface_of(case), contacts[-1]
     density, edges = values["volume_density"][0], values["volume_density_edges"][0]
     assert_allclose(np.sum(density * np.diff(edges)), 1.0, rtol=1e-12)
@@ -79,7 +61,7 @@ def test_density_is_one_in_all_and_its_mean_is_the_free_volume(
     assert abs(mean_volume - exact) <= 0.5 * (edges[1] - edges[0]) * open_share
 
 
-def test_box_counts_run_from_the_contact_to_the_whole(values: dict[str, Any], contacts: list[Contact]) -> None:
+def test_box_counts_run_from_the_contact_to_the_whole(values, contacts):
     counts, state = values["box_count"][0], contacts[3]
     assert_array_equal(values["r"], [1, 2, 4, 8, 16])
     assert counts[0, 0] == np.count_nonzero(state.contact()[:-1, :-1])
@@ -102,11 +84,11 @@ def test_box_counts_run_from_the_contact_to_the_whole(values: dict[str, Any], co
         (Level("last"), {}, False),
     ],
 )
-def test_rounding_does_not_decide_a_level(case: Case, level: Level, state: dict[str, float], expected: bool) -> None:
+def test_rounding_does_not_decide_a_level(case, level, state, expected):
     assert levels.reached(level, 5, SimpleNamespace(**state), case) is expected
 
 
-def test_the_end_of_a_sweep_reaches_what_it_was_asked_to_end_at() -> None:
+def test_the_end_of_a_sweep_reaches_what_it_was_asked_to_end_at():
     case = loads("surface: {D: 2.4, m: 4, seeds: 1}\nsweep: {steps: 5, to: {contact_area: 0.1}}").cases()[0]
     short = SimpleNamespace(
         contact_area_fraction=0.1 - 1 / 17**2
@@ -116,7 +98,7 @@ def test_the_end_of_a_sweep_reaches_what_it_was_asked_to_end_at() -> None:
     assert not levels.reached(Level("contact_area", 0.2), 5, short, case)
 
 
-def test_nothing_that_was_not_asked_for_is_kept(contacts: list[Contact]) -> None:
+def test_nothing_that_was_not_asked_for_is_kept(contacts):
     case = case_of("sweep: {steps: 8}")
     kept = set(reduced(case, contacts))
     assert kept == {*reduction.PER_STEP, "step", "central_pressure_ratio"}

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import pkgutil
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
 from roughvol.campaign.case_surface import surface_of
-from roughvol.campaign.one_case import run_case
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.loading import Contact, sweep
+from roughvol.contact.loading import sweep
 from roughvol.observables import reduction, variables
 from roughvol.observables.variables import OBSERVABLES, VARIABLES, function
-from roughvol.store.dataset import Dataset
 from roughvol.study import loads
 from roughvol.study.reference import keys
-from roughvol.surfaces.surface import Surface
+from tests.observables.kit import answer
 
 TEXT = """
 surface: {D: 2.3, m: 5, seeds: [1], L: 3.0}
@@ -32,7 +29,7 @@ record:
 SPACING = 3.0 / 32
 
 
-def _resolved(source: str) -> Any:
+def _resolved(source):
     """Return what a dotted name of the package names: a module, an attribute, or a field of a record."""
     owner, _, name = f"roughvol.{source}".rpartition(".")
     record = pkgutil.resolve_name(owner)
@@ -42,34 +39,34 @@ def _resolved(source: str) -> Any:
 
 
 @pytest.fixture(scope="module")
-def stored() -> Dataset:
-    return run_case(loads(TEXT).cases()[0]).squeeze(("D", "m", "seed"))
+def stored():
+    return answer(TEXT)
 
 
 @pytest.fixture(scope="module")
-def surface() -> Surface:
+def surface():
     return surface_of(loads(TEXT).cases()[0])
 
 
 @pytest.fixture(scope="module")
-def contacts(surface: Surface, stored: Dataset) -> list[Contact]:
+def contacts(surface, stored):
     hardness = 5 * surface.side / surface.Sq
     return list(sweep(surface, HalfSpace(surface.shape), stored.indentation.values, hardness=hardness))
 
 
-def test_every_row_names_what_exists() -> None:
+def test_every_row_names_what_exists():
     assert [name for name, row in VARIABLES.items() if not row.source] == []
     for source in {row.source for row in VARIABLES.values()}:
         assert _resolved(source) is not None
 
 
-def test_a_name_that_does_not_exist_is_found() -> None:
+def test_a_name_that_does_not_exist_is_found():
     for source in ("surfaces.texture.Sxx", "surfaces.nothing.Sq", "nothing", "surfaces.surface.Surface.nothing"):
         with pytest.raises((AttributeError, ImportError)):
             _resolved(source)
 
 
-def _called(source: str, heights: np.ndarray[Any, Any]) -> float:
+def _called(source, heights):
     function = _resolved(source)
     takes_spacing = "spacing" in function.__code__.co_varnames[: function.__code__.co_argcount]
     return float(function(heights, SPACING) if takes_spacing else function(heights))
@@ -79,29 +76,24 @@ OF_HEIGHTS = [name for name, row in VARIABLES.items() if row.source.startswith("
 CURVES = ("material_ratio", "structure_function")
 
 
-@pytest.mark.parametrize("name", [name for name in OF_HEIGHTS if not name.startswith(CURVES) and "_region" not in name])
-def test_texture_is_that_of_its_function(name: str, stored: Dataset, surface: Surface, contacts: list[Contact]) -> None:
-    heights = surface.heights
-    if name.endswith("_loaded"):
-        heights = -contacts[-1].gap() * surface.Sq
-    elif name.endswith("_residual"):
-        heights = surface.heights - contacts[-1].plastic_displacement() * surface.Sq
-        assert not np.array_equal(heights, surface.heights)
-    assert stored[name].item() == _called(VARIABLES[name].source, heights)
+def test_texture_is_that_of_its_function(stored, surface, contacts):
+    under = {
+        "loaded": -contacts[-1].gap() * surface.Sq,
+        "residual": surface.heights - contacts[-1].plastic_displacement() * surface.Sq,
+    }
+    assert not np.array_equal(under["residual"], surface.heights)
+    for name in (name for name in OF_HEIGHTS if not name.startswith(CURVES) and "_region" not in name):
+        heights = under.get(name.rpartition("_")[2], surface.heights)
+        assert stored[name].item() == _called(VARIABLES[name].source, heights), name
 
 
-@pytest.mark.parametrize(
-    "name", [name for name, row in VARIABLES.items() if row.source.startswith("surfaces.surface.Surface.")]
-)
-def test_numbers_of_the_surface_are_its_attributes(name: str, stored: Dataset, surface: Surface) -> None:
-    if name in stored:
-        assert_array_equal(stored[name], getattr(surface, VARIABLES[name].source.rpartition(".")[2]))
-
-
-@pytest.mark.parametrize("name", [*reduction.PER_STEP, "plastic_volume", "plastic_area_fraction"])
-def test_numbers_of_a_step_are_attributes_of_its_contact(name: str, stored: Dataset, contacts: list[Contact]) -> None:
-    assert VARIABLES[name].source == f"contact.state.Contact.{name}"
-    assert_array_equal(stored[name], [getattr(contact, name) for contact in contacts])
+def test_numbers_of_surface_and_steps_are_their_attributes(stored, surface, contacts):
+    for name, row in VARIABLES.items():
+        if row.source.startswith("surfaces.surface.Surface.") and name in stored:
+            assert_array_equal(stored[name], getattr(surface, row.source.rpartition(".")[2]), name)
+    for name in (*reduction.PER_STEP, "plastic_volume", "plastic_area_fraction"):
+        assert VARIABLES[name].source == f"contact.state.Contact.{name}"
+        assert_array_equal(stored[name], [getattr(contact, name) for contact in contacts], name)
 
 
 ARGUMENTS = {  # after the gap, and the axis where the number has one
@@ -114,15 +106,15 @@ ARGUMENTS = {  # after the gap, and the axis where the number has one
 }
 
 
-@pytest.mark.parametrize("name", ARGUMENTS)
-def test_transport_is_that_of_its_function(name: str, stored: Dataset, contacts: list[Contact]) -> None:
-    function, last = _resolved(VARIABLES[name].source), stored[name][-1]
-    for axis, number in enumerate(last.values) if last.dims else [((), last.item())]:
-        value = function(contacts[-1].gap(), *np.atleast_1d(axis).astype(int).tolist(), *ARGUMENTS[name])
-        assert number == pytest.approx(getattr(value, "coefficient", value), rel=1e-12)
+def test_transport_is_that_of_its_function(stored, contacts):
+    for name, arguments in ARGUMENTS.items():
+        function, last = _resolved(VARIABLES[name].source), stored[name][-1]
+        for axis, number in enumerate(last.values) if last.dims else [((), last.item())]:
+            value = function(contacts[-1].gap(), *np.atleast_1d(axis).astype(int).tolist(), *arguments)
+            assert number == pytest.approx(getattr(value, "coefficient", value), rel=1e-12), name
 
 
-def test_every_observable_names_what_exists() -> None:
+def test_every_observable_names_what_exists():
     for row in OBSERVABLES.values():
         for name in filter(None, (row.of_state, row.labels, row.before)):
             assert callable(function(name))
@@ -130,7 +122,7 @@ def test_every_observable_names_what_exists() -> None:
             assert f"record.{key}" in {known.path for known in keys()}
 
 
-def test_variables_and_observables_agree() -> None:
+def test_variables_and_observables_agree():
     asked = {name: row for name, row in OBSERVABLES.items() if row.seconds and name != "own"}  # its rows are a user's
     assert {row.observable for row in VARIABLES.values()} - {""} == set(asked)
     assert set(variables.STATES) == {row.dim for row in asked.values()} - {""}
