@@ -7,19 +7,14 @@ from __future__ import annotations
 
 import io
 import struct
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from netCDF4 import Dataset
 
 from roughvol.errors import RoughvolError
-from roughvol.study import Case, loads
+from roughvol.study import loads
 from roughvol.surfaces.files import reading
-
-Content = str | bytes | Callable[[Path], Any]
 
 HEIGHTS = np.random.default_rng(8).normal(size=(6, 5)).astype("f4").astype(float)  # 6 nodes along x, 5 along y
 HOLES = np.zeros(HEIGHTS.shape, dtype=bool)
@@ -37,7 +32,7 @@ SDF = (
 )
 
 
-def put(path: Path, content: Content) -> Path:
+def put(path, content):
     """Write text, bytes, or what a function writes."""
     if callable(content):
         content(path)
@@ -46,29 +41,31 @@ def put(path: Path, content: Content) -> Path:
     return path
 
 
-def same(path: Path, expected: np.ndarray, variable: str | None = None, **options: Any) -> None:
-    assert np.array_equal(reading.read(path, variable, **options), expected, equal_nan=True)
+def same(path, expected, variable=None, **options):
+    heights = reading.read(path, variable, **options)
+    assert np.array_equal(heights, expected, equal_nan=True)
+    assert (heights.dtype, heights.flags.c_contiguous) == (np.float64, True)
 
 
-def refused(path: Path, pattern: str, variable: str | None = None, **options: Any) -> None:
-    """Both calls refuse the file in one message with its name; a message on single heights is that of `read` alone."""
-    for call in (reading.read,) if "missing or not finite" in pattern else (reading.read, reading.describe):
-        with pytest.raises(RoughvolError, match=pattern) as caught:
-            call(path, variable, **options)
-        assert str(path) in str(caught.value)
+def refused(path, pattern, variable=None, **options):
+    """The file is refused in one message with its name, before heights are read if not for single heights."""
+    call = reading.read if "missing or not finite" in pattern else reading.describe
+    with pytest.raises(RoughvolError, match=pattern) as caught:
+        call(path, variable, **options)
+    assert str(path) in str(caught.value)
 
 
-def case_of(folder: Path, surface: str, rest: str = "") -> Case:
+def case_of(folder, surface, rest=""):
     (case,) = loads(f"surface: {{{surface}}}\n{rest}", folder / "study.yaml").cases()
     return case
 
 
-def rows(numbers: np.ndarray, between: str = " ", hole: str = "nan") -> str:
+def rows(numbers, between=" ", hole="nan"):
     cells = [[hole if np.isnan(number) else repr(float(number)) for number in row] for row in numbers]
     return "\n".join(between.join(row) for row in cells) + "\n"
 
 
-def npy(array: np.ndarray | tuple[int, ...]) -> bytes:
+def npy(array):
     """An array, or the header of one of a shape."""
     stream = io.BytesIO()
     if isinstance(array, tuple):
@@ -79,7 +76,7 @@ def npy(array: np.ndarray | tuple[int, ...]) -> bytes:
     return stream.getvalue()
 
 
-def netcdf(path: Path, **arrays: Any) -> None:
+def netcdf(path, **arrays):
     """Arrays without coordinates, masked where they are."""
     with Dataset(path, "w") as stored:
         for name, array in arrays.items():
@@ -90,7 +87,7 @@ def netcdf(path: Path, **arrays: Any) -> None:
             stored.createVariable(name, values.dtype, dims)[...] = values
 
 
-def library(path: Path, heights: np.ndarray = HEIGHTS, pixel: tuple[float, float] = (PIXEL, PIXEL)) -> Path:
+def library(path, heights=HEIGHTS, pixel=(PIXEL, PIXEL)):
     """A file that SurfaceTopography writes, in um: .gwy, .nc, .x3p, or its matrix of text."""
     sizes = heights.shape[0] * pixel[0], heights.shape[1] * pixel[1]
     map_ = pytest.importorskip("SurfaceTopography").Topography(heights, sizes, unit="µm")
@@ -103,7 +100,7 @@ BLANK = 1.70141e38
 X, Y = (2.0, 4.5), (-1.0, 1.0)  # limits of a grid of 6 x 5 nodes
 
 
-def surfer_text(heights: np.ndarray, x: tuple[float, float] = X, y: tuple[float, float] = Y) -> bytes:
+def surfer_text(heights, x=X, y=Y):
     """Rows of constant y, the lowest y first."""
     rows = "\n\n".join(" ".join("1.70141e+038" if np.isnan(z) else repr(float(z)) for z in row) for row in heights.T)
     nx, ny = heights.shape
@@ -111,19 +108,12 @@ def surfer_text(heights: np.ndarray, x: tuple[float, float] = X, y: tuple[float,
     return f"DSAA\n{nx} {ny}\n{limits}\n{rows}\n".encode("ascii")
 
 
-def surfer_6(heights: np.ndarray, x: tuple[float, float] = X, y: tuple[float, float] = Y) -> bytes:
+def surfer_6(heights, x=X, y=Y):
     head = struct.pack("<4s2h6d", b"DSBB", *heights.shape, *x, *y, np.nanmin(heights), np.nanmax(heights))
     return head + np.where(np.isnan(heights), BLANK, heights).T.astype("<f4").tobytes()
 
 
-def surfer_7(
-    heights: np.ndarray,
-    x: tuple[float, float] = X,
-    y: tuple[float, float] = Y,
-    version: int = 2,
-    blank: float = BLANK,
-    between: bytes = b"",
-) -> bytes:
+def surfer_7(heights, x=X, y=Y, version=2, blank=BLANK, between=b""):
     nx, ny = heights.shape
     spacing = (x[1] - x[0]) / (nx - 1), (y[1] - y[0]) / (ny - 1)
     numbers = (x[0], y[0], *spacing, np.nanmin(heights), np.nanmax(heights), 0.0, blank)
@@ -137,7 +127,7 @@ def surfer_7(
     )
 
 
-def nms(heights: np.ndarray, dx: float, dy: float) -> bytes:
+def nms(heights, dx, dy):
     """NanoFocus: counts of 16 bits between the limits of z, the first line of the image first."""
     low, high = float(heights.min()), float(heights.max())
     head = bytearray(3468)
@@ -148,7 +138,7 @@ def nms(heights: np.ndarray, dx: float, dy: float) -> bytes:
     return bytes(head) + counts.tobytes() + bytes(heights.size)
 
 
-def wsxm(heights: np.ndarray, size: tuple[float, float]) -> bytes:
+def wsxm(heights, size):
     """WSxM: rows in the order of rising y, the numbers of a row in the order of falling x; sizes in um, heights in nm.
 
     https://spmimages.ftmc.uam.es/file-specifications; y falls with the index of an image, so it is that of the caller.

@@ -6,9 +6,7 @@ import contextlib
 import logging
 import random
 import struct
-from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +24,7 @@ ISO = SDF + rows(HEIGHTS.T) + "*\nend\n*\n"
 
 
 @pytest.mark.parametrize(("suffix", "unit"), [(".x3p", "m"), (".gwy", "m"), (".sdf", "um")])
-def test_heights_size_unit_and_holes_come_back(tmp_path: Path, suffix: str, unit: str) -> None:
+def test_heights_size_unit_and_holes_come_back(tmp_path, suffix, unit):
     path = tmp_path / f"scan{suffix}"
     if suffix == ".sdf":
         put(path, SDF + rows(HOLED.T, hole="BAD") + "*\nend\n*\n")
@@ -40,7 +38,7 @@ def test_heights_size_unit_and_holes_come_back(tmp_path: Path, suffix: str, unit
     refused(path, "3 heights are missing or not finite, the first in row 1, column 2")
 
 
-def test_text_that_the_library_would_join_or_cut_is_refused(tmp_path: Path) -> None:
+def test_text_that_the_library_would_join_or_cut_is_refused(tmp_path):
     german = "# Breite: 3 µm\n# Höhe: 2.5 µm\n# Einheiten: nm\n"
     lines = rows(HEIGHTS.T).splitlines(keepends=True)
     for text in (
@@ -50,9 +48,8 @@ def test_text_that_the_library_would_join_or_cut_is_refused(tmp_path: Path) -> N
         refused(put(tmp_path / "z.txt", text), r"line 1 is not understood: '# Breite: 3 µm'")
 
 
-@pytest.mark.parametrize("suffix", [".al3d", ".sur", ".x3p", ".hgt", ".nms", ""])
-@pytest.mark.parametrize("size", [0, 2, 512])
-def test_what_no_instrument_wrote_is_refused_by_name(tmp_path: Path, suffix: str, size: int) -> None:
+@pytest.mark.parametrize(("suffix", "size"), [(".al3d", 0), (".sur", 512), (".x3p", 2), (".hgt", 512), ("", 512)])
+def test_what_no_instrument_wrote_is_refused_by_name(tmp_path, suffix, size):
     path = put(tmp_path / f"noise{suffix}", np.random.default_rng(size).bytes(size))
     if suffix == ".hgt" and size == 512:  # a square of 16-bit numbers is all that this format is
         assert reading.describe(path).shape == (round((size / 2) ** 0.5),) * 2
@@ -61,12 +58,12 @@ def test_what_no_instrument_wrote_is_refused_by_name(tmp_path: Path, suffix: str
 
 
 @pytest.mark.parametrize("suffix", [".x3p", ".gwy", ".sdf"])
-def test_a_damaged_file_is_read_or_refused(tmp_path: Path, suffix: str) -> None:
+def test_a_damaged_file_is_read_or_refused(tmp_path, suffix):
     path = tmp_path / f"scan{suffix}"
     whole = (put(path, ISO) if suffix == ".sdf" else library(path)).read_bytes()
     chance = random.Random(7)
     read = 0
-    for _ in range(25):
+    for _ in range(6):
         damaged = bytearray(whole)
         if chance.random() < 0.3:
             del damaged[chance.randrange(len(damaged)) :]
@@ -78,12 +75,10 @@ def test_a_damaged_file_is_read_or_refused(tmp_path: Path, suffix: str) -> None:
             heights = reading.read(path, holes=True)
             assert (heights.dtype, heights.ndim) == (np.float64, 2)
             read += 1
-    assert read < 25
+    assert read < 6
 
 
-def test_a_library_prints_nothing_about_a_damaged_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_library_prints_nothing_about_a_damaged_file(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(logging.root, "handlers", [])
     wyko = b"\1\0" + b"Directory".ljust(16, b"\0") + struct.pack("<hlH", 1, 48, 0)
     wyko += b"RAW_DATA".ljust(16, b"\0") + struct.pack("<hlH", 3, 10**6, 1) + bytes(10**4)
@@ -94,13 +89,13 @@ def test_a_library_prints_nothing_about_a_damaged_file(
 # In a study
 
 
-def _refused(folder: Path, surface: str, pattern: str) -> None:
+def _refused(folder, surface, pattern):
     with pytest.raises(StudyError, match=pattern):
         case_of(folder, surface)
 
 
 @pytest.mark.parametrize("off", [1.0006, 0.5])
-def test_pixels_that_are_not_square_are_refused_unless_they_are_resampled(tmp_path: Path, off: float) -> None:
+def test_pixels_that_are_not_square_are_refused_unless_they_are_resampled(tmp_path, off):
     library(tmp_path / "oblong.x3p", pixel=(PIXEL, off * PIXEL))
     file = "file: oblong.x3p, unit: um"
     _refused(tmp_path, file, r"surface\.resample: missing: .*x3p has pixels of 0\.5 by .* um.*give resample: square")
@@ -113,7 +108,7 @@ def test_pixels_that_are_not_square_are_refused_unless_they_are_resampled(tmp_pa
     _refused(tmp_path, f"{file}, resample: square, L: 3 um", r"surface\.L: is 3 um, but .* gives 2\.5e-06 m")
 
 
-def test_pixels_nearly_square_are_square_and_too_oblong_ones_are_refused_whatever_is_asked(tmp_path: Path) -> None:
+def test_pixels_nearly_square_are_square_and_too_oblong_ones_are_refused_whatever_is_asked(tmp_path):
     library(tmp_path / "nearly.x3p", pixel=(PIXEL, 1.00005 * PIXEL))
     assert case_surface.surface_of(case_of(tmp_path, "file: nearly.x3p")).shape == (6, 5)
     library(tmp_path / "oblong.x3p", pixel=(PIXEL, 3 * PIXEL))
@@ -121,7 +116,7 @@ def test_pixels_nearly_square_are_square_and_too_oblong_ones_are_refused_whateve
         _refused(tmp_path, f"file: oblong.x3p{keys}", r"surface\.resample: .*allowed: one side up to 2 times the other")
 
 
-def test_a_crop_in_lengths_counts_oblong_pixels(tmp_path: Path) -> None:
+def test_a_crop_in_lengths_counts_oblong_pixels(tmp_path):
     library(tmp_path / "oblong.x3p", np.random.default_rng(0).normal(size=(21, 21)), pixel=(0.25, 0.5))
     case = case_of(tmp_path, "file: oblong.x3p, crop: {x: [1 um, 3 um], y: [1 um, 3 um]}, resample: square")
     assert case.treatment.crop == ((4, 12), (2, 6))
@@ -129,7 +124,7 @@ def test_a_crop_in_lengths_counts_oblong_pixels(tmp_path: Path) -> None:
     assert pytest.approx(2e-6, rel=1e-12) == case.L
 
 
-def test_two_bodies_must_fit(tmp_path: Path) -> None:
+def test_two_bodies_must_fit(tmp_path):
     put(tmp_path / "scan.sdf", ISO)
     library(tmp_path / "same.x3p")
     library(tmp_path / "coarse.x3p", pixel=(2 * PIXEL, 2 * PIXEL))
@@ -149,29 +144,29 @@ def test_two_bodies_must_fit(tmp_path: Path) -> None:
 # Several arrays or channels
 
 
-def _hdf5(path: Path, arrays: dict[str, np.ndarray]) -> None:
+def _hdf5(path, arrays):
     with pytest.importorskip("h5py").File(path, "w") as stored:
         for name, array in arrays.items():
             stored[name] = array
 
 
-@pytest.mark.parametrize(("name", "write"), [("z.h5", _hdf5), ("z.mat", scipy.io.savemat)])
-def test_of_several_arrays_one_must_be_named(tmp_path: Path, name: str, write: Any) -> None:
-    path = tmp_path / name
-    write(path, {"branch": np.zeros((17, 30)), "z": HEIGHTS, "L": np.full((1, 1), 2.0)})
-    refused(path, r"give the array of heights \(variable\); arrays in the file: .*z \(6, 5\)")
-    _refused(tmp_path, f"file: {name}, L: 1 um", r"surface\.file: .*variable.*branch \(17, 30\)")
+def test_of_several_arrays_one_must_be_named(tmp_path):
+    arrays = {"branch": np.zeros((17, 30)), "z": HEIGHTS, "L": np.full((1, 1), 2.0)}
+    for write, path in ((scipy.io.savemat, tmp_path / "z.mat"), (_hdf5, tmp_path / "z.h5")):
+        write(path, arrays)
+        refused(path, r"give the array of heights \(variable\); arrays in the file: .*z \(6, 5\)")
+    _refused(tmp_path, "file: z.h5, L: 1 um", r"surface\.file: .*variable.*branch \(17, 30\)")
     same(path, HEIGHTS, "z")
     assert reading.describe(path, "z").channel == "z"
     refused(path, r"has no array 'Z'; arrays in the file: .*z \(6, 5\)", "Z")
-    write(path, {"z": HEIGHTS, "dx": np.full((1, 1), 0.5), "corners": np.zeros((2, 2))})
+    _hdf5(path, {"z": HEIGHTS, "dx": np.full((1, 1), 0.5), "corners": np.zeros((2, 2))})
     same(path, HEIGHTS)
-    write(path, {"dx": np.full((1, 1), 0.5)})
+    _hdf5(path, {"dx": np.full((1, 1), 0.5)})
     refused(path, r"holds no map of at least 3 x 3 nodes; arrays in the file: dx \(1, 1\)")
     refused(path, r"dx has nodes \(1, 1\); allowed: a map of equidistant nodes, at least 3 x 3", "dx")
 
 
-def _gwyddion(path: Path, *titles: str) -> Path:
+def _gwyddion(path, *titles):
     """Write channels i + 1 times the heights, each with a title of ten letters."""
     items = b""
     for number, title in enumerate(titles):
@@ -183,7 +178,7 @@ def _gwyddion(path: Path, *titles: str) -> Path:
     return path
 
 
-def test_a_channel_that_is_no_heights_by_its_name_is_refused(tmp_path: Path) -> None:
+def test_a_channel_that_is_no_heights_by_its_name_is_refused(tmp_path):
     path = _gwyddion(tmp_path / "scan.gwy", "Deflection", "Topography", "Height Ret")
     found = reading.describe(path)
     assert found.channel == "Topography"
@@ -196,7 +191,7 @@ def test_a_channel_that_is_no_heights_by_its_name_is_refused(tmp_path: Path) -> 
     refused(_gwyddion(path, "Deflection"), "holds no heights, by its name; channels of heights: none")
 
 
-def test_two_channels_of_one_name_are_told_apart_by_number(tmp_path: Path) -> None:
+def test_two_channels_of_one_name_are_told_apart_by_number(tmp_path):
     path = _gwyddion(tmp_path / "z.gwy", "Topography", "Topography")
     refused(path, r"several channels 'Topography', give the number; .*0: Topo.*1: Topo", "Topography")
     assert np.allclose(reading.read(path, "1") * 1e6, 2.0 * HEIGHTS)
@@ -215,7 +210,7 @@ OTHER_NAMES = ("HeightError", "AmplitudeTrace", "Lock-In Amplitude", "lockInPhas
         ("voltage", "nm", HEIGHT_NAMES, "holds voltage, not heights"),
     ],
 )
-def test_kind_unit_and_name_tell_heights_from_other_channels(kind: str, unit: Any, names: Any, reason: str) -> None:
+def test_kind_unit_and_name_tell_heights_from_other_channels(kind, unit, names, reason):
     channels = [SimpleNamespace(name=name, data_kind=SimpleNamespace(value=kind), unit=unit) for name in names]
     assert {instrument._no_heights(channel) for channel in channels} == {reason}
 
@@ -223,7 +218,7 @@ def test_kind_unit_and_name_tell_heights_from_other_channels(kind: str, unit: An
 # Formats whose library is at odds with other readers
 
 
-def test_the_size_in_nms_has_no_unit_and_is_that_of_the_study(tmp_path: Path) -> None:
+def test_the_size_in_nms_has_no_unit_and_is_that_of_the_study(tmp_path):
     matlab = bytes.fromhex("02000000010000000000000000ff0000")  # also the first bytes of a MATLAB file of version 4
     path = put(tmp_path / "scan.nms", matlab + nms(HEIGHTS, 312.5, 250.0)[16:])
     found = reading.describe(path)

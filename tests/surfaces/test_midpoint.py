@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,13 +13,13 @@ from roughvol.surfaces.midpoint import midpoint_levels, random_midpoint_displace
 DIAGONAL, STRAIGHT = [(-1, -1), (-1, 1), (1, -1), (1, 1)], [(-1, 0), (1, 0), (0, -1), (0, 1)]
 
 
-def deviation(half_step: int, D: float, law: str) -> float:
+def deviation(half_step, D, law):
     if law == "std":
         return (1 / np.sqrt(0.09)) / (2 ** ((3 - D) / 2)) ** half_step
     return np.sqrt((1 / np.sqrt(0.09)) / (2 ** ((3 - D) / 2)) ** half_step)
 
 
-def displaced_by_loops(D: float, m: int, seed: int, law: str, periodic: bool) -> np.ndarray:
+def displaced_by_loops(D, m, seed, law, periodic):
     """Node by node, in the order the seed means, each mean taken over the neighbours that exist."""
     n = 2**m
     nodes = n if periodic else n + 1
@@ -28,7 +27,7 @@ def displaced_by_loops(D: float, m: int, seed: int, law: str, periodic: bool) ->
     z[::n, ::n] = 0.0
     stream = iter(np.random.Generator(np.random.PCG64(seed)).standard_normal(4 * (n + 1) ** 2))
 
-    def displace(places: Any, offsets: list[tuple[int, int]], half: int, half_step: int) -> None:
+    def displace(places, offsets, half, half_step):
         for i, j in places:
             around = [(i + a * half, j + b * half) for a, b in offsets]
             around = [(a % n, b % n) if periodic else (a, b) for a, b in around]
@@ -48,10 +47,9 @@ def displaced_by_loops(D: float, m: int, seed: int, law: str, periodic: bool) ->
     return z
 
 
-@pytest.mark.parametrize("law", ["std", "variance"])
-@pytest.mark.parametrize("periodic", [False, True])
-@pytest.mark.parametrize(("D", "m", "seed"), [(2.3, 2, 0), (2.001, 2, 1), (2.999, 3, 2), (2.5, 5, 3)])
-def test_displacement_equals_plain_loops(D: float, m: int, seed: int, law: str, periodic: bool) -> None:
+@pytest.mark.parametrize(("law", "periodic"), [("std", False), ("variance", True), ("std", True)])
+@pytest.mark.parametrize(("D", "m", "seed"), [(2.001, 2, 1), (2.999, 3, 2), (2.5, 5, 3)])
+def test_displacement_equals_plain_loops(D, m, seed, law, periodic):
     surface = random_midpoint_displacement(D, m, side=2.0, seed=seed, law=law, periodic=periodic)
     expected = displaced_by_loops(D, m, seed, law, periodic)
     assert np.isfinite(expected).all()
@@ -59,7 +57,7 @@ def test_displacement_equals_plain_loops(D: float, m: int, seed: int, law: str, 
     assert (surface.periodic, surface.side, surface.spacing) == (periodic, 2.0, 2.0 / 2**m)
 
 
-def test_stream_digits() -> None:
+def test_stream_digits():
     heights = random_midpoint_displacement(2.3, 1).heights
     deviations = [deviation(h, 2.3, "std") for h in (1, 2)]
     xi = [0.12573022, -0.13210486, 0.64042265, 0.10490012, -0.53566937]
@@ -69,9 +67,8 @@ def test_stream_digits() -> None:
     np.testing.assert_allclose(heights, expected, atol=1e-7)
 
 
-@pytest.mark.parametrize("law", ["std", "variance"])
-@pytest.mark.parametrize("periodic", [False, True])
-def test_surfaces_of_a_seed_are_nested_bit_for_bit(law: str, periodic: bool) -> None:
+@pytest.mark.parametrize(("law", "periodic"), [("std", False), ("variance", True)])
+def test_surfaces_of_a_seed_are_nested_bit_for_bit(law, periodic):
     fine = random_midpoint_displacement(2.3, 7, seed=5, law=law, periodic=periodic).heights
     for m in range(6, 1, -1):
         fine = fine[::2, ::2]
@@ -79,7 +76,7 @@ def test_surfaces_of_a_seed_are_nested_bit_for_bit(law: str, periodic: bool) -> 
         np.testing.assert_array_equal(fine, coarse)
 
 
-def test_midpoint_levels() -> None:
+def test_midpoint_levels():
     assert midpoint_levels(1).tolist() == [[0, 2, 0], [2, 1, 2], [0, 2, 0]]
     levels = midpoint_levels(4)
     np.testing.assert_array_equal(levels[::2, ::2], midpoint_levels(3))
@@ -103,6 +100,6 @@ def test_midpoint_levels() -> None:
         ({"law": "sigma"}, "'std', 'variance', got 'sigma'"),
     ],
 )
-def test_arguments_out_of_range(arguments: dict[str, Any], words: str) -> None:
+def test_arguments_out_of_range(arguments, words):
     with pytest.raises(SurfaceError, match=words):
         random_midpoint_displacement(**{"D": 2.3, "m": 3} | arguments)

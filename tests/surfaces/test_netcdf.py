@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 import xarray as xr
@@ -15,7 +11,7 @@ from netCDF4 import Dataset
 from roughvol.surfaces.files import reading
 
 
-def _grid(path: Path) -> Dataset:
+def _grid(path):
     """A file with two dimensions and no variable yet."""
     stored = Dataset(path, "w")
     stored.createDimension("x", 6)
@@ -39,7 +35,7 @@ POINT = np.dtype([("height", "f8"), ("quality", "i4")])
         (("x", "time"), False),
     ],
 )
-def test_names_of_dimensions_say_which_axis_is_x(tmp_path: Path, dims: tuple[str, str], turned: bool) -> None:
+def test_names_of_dimensions_say_which_axis_is_x(tmp_path, dims, turned):
     xr.Dataset({"z": (dims, HEIGHTS.T if turned else HEIGHTS)}).to_netcdf(tmp_path / "z.nc")
     same(tmp_path / "z.nc", HEIGHTS)
     along = {dim: (dim, np.arange(n), {"axis": axis}) for dim, n, axis in (("p", 5, "Y"), ("q", 6, "X"))}
@@ -48,7 +44,7 @@ def test_names_of_dimensions_say_which_axis_is_x(tmp_path: Path, dims: tuple[str
 
 
 @pytest.mark.parametrize("kind", ["NETCDF3_CLASSIC", "NETCDF4"])
-def test_a_grid_of_gmt_is_netcdf(tmp_path: Path, kind: Any) -> None:
+def test_a_grid_of_gmt_is_netcdf(tmp_path, kind):
     coordinates = {"lat": ("lat", np.arange(5.0)), "lon": ("lon", np.arange(6.0))}
     xr.Dataset({"z": (("lat", "lon"), HEIGHTS.T)}, coords=coordinates).to_netcdf(tmp_path / "z.grd", format=kind)
     found = reading.describe(tmp_path / "z.grd")
@@ -67,9 +63,7 @@ def test_a_grid_of_gmt_is_netcdf(tmp_path: Path, kind: Any) -> None:
         (np.array(list("abcdef"), dtype=object), {}, ""),
     ],
 )
-def test_coordinates_that_cannot_be_used_are_refused_or_ignored(
-    tmp_path: Path, x: np.ndarray, attributes: dict[str, Any], pattern: str
-) -> None:
+def test_coordinates_that_cannot_be_used_are_refused_or_ignored(tmp_path, x, attributes, pattern):
     coordinates = {"x": ("x", x, attributes), "y": ("y", np.arange(5.0), {"units": "um"})}
     xr.Dataset({"z": (("x", "y"), HEIGHTS)}, coords=coordinates).to_netcdf(tmp_path / "z.nc")
     if pattern:
@@ -81,7 +75,7 @@ def test_coordinates_that_cannot_be_used_are_refused_or_ignored(
 
 @pytest.mark.parametrize(("positive", "sign"), [("up", 1.0), ("DOWN ", -1.0), (None, 1.0), ("east", 0.0)])
 @pytest.mark.parametrize("kind", ["f8", "i2"])
-def test_heights_may_be_positive_down(tmp_path: Path, positive: str | None, sign: float, kind: str) -> None:
+def test_heights_may_be_positive_down(tmp_path, positive, sign, kind):
     path, heights = tmp_path / "z.nc", (1e3 * HEIGHTS).astype(kind)
     attributes = {} if positive is None else {"positive": positive}
     xr.Dataset({"z": (("y", "x"), heights.T, attributes)}).to_netcdf(path)
@@ -105,13 +99,13 @@ def test_heights_may_be_positive_down(tmp_path: Path, positive: str | None, sign
     ],
     ids=["compound", "ragged", "enumerated", "words", "letters"],
 )
-def test_what_holds_no_plain_numbers_is_refused(tmp_path: Path, kind: Callable[[Dataset], Any], value: Any) -> None:
+def test_what_holds_no_plain_numbers_is_refused(tmp_path, kind, value):
     with _grid(tmp_path / "z.nc") as stored:
         stored.createVariable("z", kind(stored), ("x", "y"))[0, 0] = value
     refused(tmp_path / "z.nc", r"z holds text, or values of a type of its own, not numbers")
 
 
-def test_scaled_integers_are_unpacked_and_their_mask_is_kept(tmp_path: Path) -> None:
+def test_scaled_integers_are_unpacked_and_their_mask_is_kept(tmp_path):
     with _grid(tmp_path / "z.nc") as stored:
         packed = stored.createVariable("z", "i2", ("x", "y"))
         packed.scale_factor, packed.add_offset = 0.5, 10.0
@@ -122,6 +116,6 @@ def test_scaled_integers_are_unpacked_and_their_mask_is_kept(tmp_path: Path) -> 
     same(tmp_path / "z.nc", 2.0 * (expected - 10.0), holes=True)
 
 
-def test_what_the_library_writes_has_its_size_and_unit(tmp_path: Path) -> None:
+def test_what_the_library_writes_has_its_size_and_unit(tmp_path):
     found = reading.describe(library(tmp_path / "z.nc", np.ma.masked_array(HEIGHTS, HOLES)))
     assert (found.sides, found.unit, found.heights_unit) == ((2.5, 2.0), "um", "um")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from roughvol.surfaces.surface import Surface
 from roughvol.surfaces.waves import power_law_surface
 
 
-def test_a_single_wave_has_its_power_in_its_ring() -> None:
+def test_a_single_wave_has_its_power_in_its_ring():
     x = 2.0 * math.pi * np.arange(32) / 32
     surface = Surface(3.0 * np.cos(4.0 * x)[:, None] + np.zeros((32, 48)), 0.5, sides="periodic")
     found, q = spectral(surface), 2.0 * math.pi * 4.0 / 16.0
@@ -28,10 +27,10 @@ def test_a_single_wave_has_its_power_in_its_ring() -> None:
 
 
 @pytest.mark.parametrize("shape", [(15, 16), (16, 15), (9, 30), (8, 16)])
-def test_the_density_is_the_mean_over_directions_of_a_plain_sum(shape: tuple[int, int]) -> None:
+def test_the_density_is_the_mean_over_directions_of_a_plain_sum(shape):
     heights = np.random.default_rng(1).standard_normal(shape)
     surface, spacing = Surface(heights, 0.25, sides="periodic"), 0.25
-    rings: dict[int, list[float]] = {}
+    rings = {}
     area = heights.size * spacing**2
     for i in range(-(shape[0] // 2), (shape[0] + 1) // 2):
         for j in range(-(shape[1] // 2), (shape[1] + 1) // 2):
@@ -48,7 +47,7 @@ def test_the_density_is_the_mean_over_directions_of_a_plain_sum(shape: tuple[int
     assert found.rms_height == pytest.approx(surface.Sq)
 
 
-def test_a_window_gives_the_density_of_a_patch() -> None:
+def test_a_window_gives_the_density_of_a_patch():
     """White noise is flat, and of the same level, under a window; a tilt of the rim does not leak into short waves."""
     noise = np.random.default_rng(2).standard_normal((129, 129))
     patch, period = Surface(noise, 1.0), Surface(noise, 1.0, sides="periodic")
@@ -60,23 +59,15 @@ def test_a_window_gives_the_density_of_a_patch() -> None:
     assert leaks[0] < 1e-4 * leaks[1]
 
 
-def test_a_patch_of_a_rolled_off_surface_has_about_its_numbers() -> None:
-    spectrum = Spectrum(rolloff=16.0, cut=64.0, phases="random")
-    laws = (replace(spectrum, periodic=periodic) for periodic in (True, False))
-    period, patch = (spectral(power_law_surface(law, 0.8, 128, side=50.0)) for law in laws)
-    assert patch.rms_slope == pytest.approx(period.rms_slope, rel=0.1)
-    assert patch.nayak == pytest.approx(period.nayak, rel=0.15)
-
-
 @pytest.mark.parametrize("scale", [1e-200, 1e140])
-def test_heights_of_any_scale_have_a_spectrum(scale: float) -> None:
+def test_heights_of_any_scale_have_a_spectrum(scale):
     surface = power_law_surface(Spectrum(rolloff=4.0, cut=32.0), 0.8, 64)
     other = Surface(surface.heights * scale, surface.spacing, sides="periodic")
     assert spectral(other).rms_slope == pytest.approx(scale * spectral(surface).rms_slope, rel=1e-12)
     assert spectral(other).nayak == pytest.approx(spectral(surface).nayak, rel=1e-12)
 
 
-def test_a_flat_surface_has_no_waves() -> None:
+def test_a_flat_surface_has_no_waves():
     found = spectral(Surface(np.ones((8, 8)), 1.0))
     assert (found.rms_height, found.rms_slope, found.rms_curvature) == (0.0, 0.0, 0.0)
     assert math.isnan(found.nayak)

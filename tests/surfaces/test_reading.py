@@ -7,7 +7,6 @@ import sys
 import tempfile
 import zipfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,7 +23,6 @@ from height_files import (
     POINTS,
     SDF,
     SHUFFLED,
-    Content,
     case_of,
     library,
     netcdf,
@@ -51,7 +49,7 @@ NANOMETRES = 1e3 * HEIGHTS
 L = ", L: 2.5 um"
 
 
-def _gridded(unit: str, turned: bool = True, falling: bool = False, **attributes: str) -> Content:
+def _gridded(unit, turned=True, falling=False, **attributes):
     """NetCDF with coordinates in um; y falls with the index if asked for."""
     heights = {"um": 1.0, "nm": 1e3}[unit] * (-HEIGHTS if "positive" in attributes else HEIGHTS)
     step = -1 if falling else 1
@@ -63,13 +61,13 @@ def _gridded(unit: str, turned: bool = True, falling: bool = False, **attributes
     return lambda path: stored.to_netcdf(path)
 
 
-def _hdf5(path: Path) -> None:
+def _hdf5(path):
     with pytest.importorskip("h5py").File(path, "w") as stored:
         stored["scan/z"], stored["scan/quality"] = HEIGHTS, np.ones(HEIGHTS.shape)
 
 
 # name -> content, and further keys of a study in um; these come back bit for bit
-PLAIN: dict[str, tuple[Content, str]] = {
+PLAIN = {
     "z.npy": (npy(HEIGHTS), L),
     "fortran.npy": (npy(np.asfortranarray(HEIGHTS)), L),
     "big-endian.npy": (npy(HEIGHTS.astype(">f8")), L),
@@ -113,7 +111,7 @@ PLAIN: dict[str, tuple[Content, str]] = {
         ", heights_unit: um",
     ),
 }
-CONVERTED: dict[str, tuple[Content, str]] = {
+CONVERTED = {
     "named.txt": ("# heights in nm\n" + rows(NANOMETRES), L),
     "nanometres.txt": (rows(NANOMETRES), L + ", heights_unit: nm"),
     "gwyddion.txt": (GWYDDION + rows(NANOMETRES.T), ""),
@@ -141,33 +139,32 @@ PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "measured.md").read_text
 
 
 @pytest.mark.parametrize("name", list(FORMATS))
-def test_one_scan_is_one_surface_in_every_format(tmp_path: Path, name: str) -> None:
+def test_one_scan_is_one_surface_in_every_format(tmp_path, name):
     content, keys = FORMATS[name]
     path, variable = put(tmp_path / name, content), keys.partition("variable: ")[2] or None
     surface = case_surface.surface_of(case_of(tmp_path, f"file: {name}, unit: um{keys}"))
     assert surface.spacing == pytest.approx(PIXEL, rel=1e-9)
     error = np.abs(surface.heights - surface.mean_height - (HEIGHTS - HEIGHTS.mean())).max()
     assert error < 2e-5 * np.ptp(HEIGHTS)  # counts of 16 bits
-    found, heights = reading.describe(path, variable), reading.read(path, variable)
+    found = reading.describe(path, variable)
     assert found.shape == HEIGHTS.shape
     assert found.reader.split(",")[0].removeprefix("SurfaceTopography ") in PAGE
-    assert (heights.dtype, heights.flags.c_contiguous) == (np.float64, True)
-    assert name in CONVERTED or np.array_equal(heights, HEIGHTS)
+    if name in PLAIN:
+        same(path, HEIGHTS, variable)
 
 
-def test_every_ending_of_a_study_has_a_file() -> None:
+def test_every_ending_of_a_study_has_a_file():
     assert {Path(name).suffix.lower() for name in FORMATS} >= set(HEIGHT_FORMATS)
 
 
 @pytest.mark.parametrize("kind", ["i2", "u1", "f4", "f2", "longdouble"])
-def test_numbers_of_any_kind_become_float64(tmp_path: Path, kind: str) -> None:
+def test_numbers_of_any_kind_become_float64(tmp_path, kind):
     array = np.arange(12).reshape(3, 4).astype(kind)
     same(put(tmp_path / "z.npy", npy(array)), array)
-    assert reading.read(tmp_path / "z.npy").dtype == np.float64
 
 
 MARKS = (1.70141e38, 1.71041e38, -3.4028234663852886e38, -1e37, 9.97e36)  # Surfer, the limits of float32, netCDF
-MISSING: dict[str, Content] = {
+MISSING = {
     "nan.npy": npy(HOLED),
     "inf.npy": npy(np.where(HOLES, -np.inf, HEIGHTS)),
     "sentinel.npy": npy(np.where(HOLES, -9999.0, HEIGHTS)),
@@ -184,13 +181,13 @@ MISSING: dict[str, Content] = {
 
 
 @pytest.mark.parametrize("name", list(MISSING))
-def test_missing_heights_are_nan_on_demand_and_else_counted_and_located(tmp_path: Path, name: str) -> None:
+def test_missing_heights_are_nan_on_demand_and_else_counted_and_located(tmp_path, name):
     path = put(tmp_path / name, MISSING[name])
     same(path, HOLED, holes=True)
     refused(path, r"3 heights are missing or not finite, the first in row 1, column 2")
 
 
-def test_a_number_that_often_marks_holes_is_a_height_among_its_like(tmp_path: Path) -> None:
+def test_a_number_that_often_marks_holes_is_a_height_among_its_like(tmp_path):
     heights = -9999.0 + 100.0 * HEIGHTS
     heights[2, 2] = -9999.0
     same(put(tmp_path / "z.npy", npy(heights)), heights)
@@ -200,16 +197,16 @@ def test_a_number_that_often_marks_holes_is_a_height_among_its_like(tmp_path: Pa
 
 
 class _Trap:
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self):
         return (pytest.fail, ("a pickle was opened",))
 
 
-def _huge(path: Path) -> None:
+def _huge(path):
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("heights.npy", npy((100_000, 100_000)))
 
 
-REFUSED: dict[str, tuple[str, Content]] = {
+REFUSED = {
     "absent.npy": ("No such file", lambda path: None),
     "absent.x3p": ("cannot be read as .x3p: No such file", lambda path: None),
     "folder.npy": ("Is a directory", lambda path: path.mkdir()),
@@ -234,17 +231,18 @@ OF_HEIGHTS = ("objects.npz", "short.npy", "complex.npy", "mask.npy")  # their he
 
 
 @pytest.mark.parametrize("name", list(REFUSED))
-def test_what_is_no_height_field_is_refused_by_name(tmp_path: Path, name: str) -> None:
+def test_what_is_no_height_field_is_refused_by_name(tmp_path, name):
     pattern, content = REFUSED[name]
     path = put(tmp_path / name, content)
     if name not in OF_HEIGHTS:
         refused(path, pattern)
-    with pytest.raises(RoughvolError, match=pattern):
-        reading.read(path)
+    else:
+        with pytest.raises(RoughvolError, match=pattern):
+            reading.read(path)
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".nc"])
-def test_one_of_several_arrays_is_named_or_numbered(tmp_path: Path, suffix: str) -> None:
+def test_one_of_several_arrays_is_named_or_numbered(tmp_path, suffix):
     path = tmp_path / f"several{suffix}"
     arrays = {"z": HEIGHTS, "gap": HEIGHTS + 1.0, "L": np.float64(2.0)}
     np.savez(path, **arrays) if suffix == ".npz" else netcdf(path, **arrays)
@@ -257,12 +255,12 @@ def test_one_of_several_arrays_is_named_or_numbered(tmp_path: Path, suffix: str)
 
 
 @pytest.mark.parametrize("name", ["z.npy", "rows.txt", "z.grd"])
-def test_a_file_of_one_array_takes_no_variable(tmp_path: Path, name: str) -> None:
-    content: dict[str, Content] = {"z.npy": npy(HEIGHTS), "rows.txt": rows(HEIGHTS), "z.grd": surfer_6(HEIGHTS)}
+def test_a_file_of_one_array_takes_no_variable(tmp_path, name):
+    content = {"z.npy": npy(HEIGHTS), "rows.txt": rows(HEIGHTS), "z.grd": surfer_6(HEIGHTS)}
     refused(put(tmp_path / name, content[name]), "holds one array, without a name; leave out the variable 'z'", "z")
 
 
-def test_what_roughvol_reads_itself_needs_no_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_roughvol_reads_itself_needs_no_library(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "SurfaceTopography", None)  # as if it were not installed
     for name in ("points.xyz", "blanks.txt", "grid.asc", "surfer-7.grd", "image.tif", "xy.nc", "z.npy"):
         same(put(tmp_path / name, PLAIN[name][0]), HEIGHTS)
@@ -277,7 +275,7 @@ def test_what_roughvol_reads_itself_needs_no_library(tmp_path: Path, monkeypatch
 
 # Headers that programs or people have changed
 
-CHANGED: dict[str, bytes] = {
+CHANGED = {
     name: content.encode() if isinstance(content, str) else content
     for name in ("gwyddion.txt", "hw.txt", "grid.asc", "points.csv", "text.grd", "surfer-6.grd", "surfer-7.grd")
     if not callable(content := FORMATS[name][0])
@@ -291,7 +289,7 @@ TOKENS = (
 
 
 @st.composite
-def _changed(draw: st.DrawFn) -> tuple[str, bytes]:
+def _changed(draw):
     """A file with up to four places of its header replaced, and some cut off."""
     name = draw(st.sampled_from(sorted(CHANGED)))
     content = CHANGED[name]
@@ -302,12 +300,12 @@ def _changed(draw: st.DrawFn) -> tuple[str, bytes]:
     return name, content[: draw(st.integers(0, len(content)))] if draw(st.integers(0, 9)) == 0 else content
 
 
-@settings(derandomize=True, max_examples=30, deadline=None)
+@settings(derandomize=True, max_examples=12, deadline=None)
 @given(_changed())
 @example(("text.grd", b"DSAA"))
 @example(("surfer-7.grd", surfer_7(HEIGHTS)[:12]))
 @example(("gwyddion.txt", CHANGED["gwyddion.txt"].replace(b"3 ", b"61e-400 ")))  # a width that rounds to 0
-def test_a_changed_header_is_read_or_refused_in_one_message(file: tuple[str, bytes]) -> None:
+def test_a_changed_header_is_read_or_refused_in_one_message(file):
     name, content = file
     with tempfile.TemporaryDirectory() as folder:
         path = put(Path(folder, name), content)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import pickle
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ BUMP = np.add.outer([0.0, 1.0, 0.0, 2.0], [0.0, 3.0, 1.0])
 ROUGH = random_midpoint_displacement(2.5, 4, seed=1).heights
 
 
-def test_a_surface_owns_read_only_contiguous_float64() -> None:
+def test_a_surface_owns_read_only_contiguous_float64():
     given = np.asfortranarray(np.arange(12).reshape(3, 4))
     surface = Surface(given, 2)
     given[0, 0] = 99
@@ -45,18 +44,18 @@ def test_a_surface_owns_read_only_contiguous_float64() -> None:
         (1e-300 * BUMP, r"the range of the heights is 5e-300; allowed: 0 \(flat\), or at least 1e-290"),
     ],
 )
-def test_heights_refused(heights: Any, words: str) -> None:
+def test_heights_refused(heights, words):
     with pytest.raises(SurfaceError, match=words):
         Surface(heights, 1.0)
 
 
 @pytest.mark.parametrize("spacing", [0.0, -1.0, float("nan"), float("inf"), "wide"])
-def test_spacing_refused(spacing: Any) -> None:
+def test_spacing_refused(spacing):
     with pytest.raises(SurfaceError, match="spacing must be"):
         Surface(BUMP, spacing)
 
 
-def test_Sq_is_the_deviation_about_the_mean_plane_and_extremes_are_in_its_unit() -> None:
+def test_Sq_is_the_deviation_about_the_mean_plane_and_extremes_are_in_its_unit():
     surface = Surface(BUMP, 1.0)
     assert surface.Sq == pytest.approx(np.std(BUMP), rel=1e-15)
     assert surface.mean_height == pytest.approx(BUMP.mean(), rel=1e-15)
@@ -65,7 +64,7 @@ def test_Sq_is_the_deviation_about_the_mean_plane_and_extremes_are_in_its_unit()
     assert surface.scaled(7.0).Sq == pytest.approx(7.0, rel=1e-15)
 
 
-def test_Sq_scales_exactly_with_powers_of_two_and_to_rounding_otherwise() -> None:
+def test_Sq_scales_exactly_with_powers_of_two_and_to_rounding_otherwise():
     surface = Surface(ROUGH, 1.0)
     assert Surface(ROUGH * 2.0**-900, 1.0).Sq == surface.Sq * 2.0**-900
     for factor in (1e-250, 1e250):
@@ -77,14 +76,14 @@ def test_Sq_scales_exactly_with_powers_of_two_and_to_rounding_otherwise() -> Non
 
 
 @pytest.mark.parametrize("level", [0.0, -7.5, 1e-300])
-def test_a_flat_surface_has_no_roughness(level: float) -> None:
+def test_a_flat_surface_has_no_roughness(level):
     surface = Surface(np.full((3, 5), level), 1.0)
     assert (surface.Sq, surface.mean_height, surface.z_max, surface.unit) == (0.0, level, level, 1.0)
     assert math.isnan(surface.peak)
     assert math.isnan(surface.pit)
 
 
-def test_a_period_counts_every_element_and_has_neighbours() -> None:
+def test_a_period_counts_every_element_and_has_neighbours():
     heights = np.random.default_rng(0).random((8, 6))
     free, periodic = Surface(heights, 0.5), Surface(heights, 0.5, sides="periodic")
     assert (free.side, periodic.side) == (3.5, 4.0)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,12 +11,12 @@ from height_files import HEIGHTS, HOLED, case_of, put, refused, same, surfer_6, 
 from roughvol.campaign import case_surface
 from roughvol.surfaces.files import reading
 
-WRITERS: dict[str, Callable[..., bytes]] = {"text": surfer_text, "Surfer 6": surfer_6, "Surfer 7": surfer_7}
+WRITERS = {"text": surfer_text, "Surfer 6": surfer_6, "Surfer 7": surfer_7}
 
 
 @pytest.mark.parametrize("kind", list(WRITERS))
 @pytest.mark.parametrize("suffix", [".GRD", ""])
-def test_a_grid_has_its_axes_and_limits(tmp_path: Path, kind: str, suffix: str) -> None:
+def test_a_grid_has_its_axes_and_limits(tmp_path, kind, suffix):
     path = put(tmp_path / f"z{suffix}", WRITERS[kind](HOLED, (2.0, 4.5), (-1.0, 3.0)))
     found = reading.describe(path)
     assert (found.shape, found.sides) == ((6, 5), pytest.approx((2.5, 4.0), rel=1e-15))
@@ -27,7 +25,7 @@ def test_a_grid_has_its_axes_and_limits(tmp_path: Path, kind: str, suffix: str) 
 
 
 @pytest.mark.parametrize("kind", list(WRITERS))
-def test_coordinates_that_count_nodes_are_no_lengths(tmp_path: Path, kind: str) -> None:
+def test_coordinates_that_count_nodes_are_no_lengths(tmp_path, kind):
     path = put(tmp_path / "z.grd", WRITERS[kind](HEIGHTS, (0.0, 5.0), (0.0, 4.0)))
     assert reading.describe(path).counted
     surface = case_surface.surface_of(case_of(tmp_path, "file: z.grd, L: 10 um, heights_unit: nm"))
@@ -35,14 +33,14 @@ def test_coordinates_that_count_nodes_are_no_lengths(tmp_path: Path, kind: str) 
     assert np.abs(surface.heights - 1e-3 * HEIGHTS).max() < 1e-15
 
 
-def test_numbers_of_a_text_may_run_over_lines_and_unknown_sections_are_passed_over(tmp_path: Path) -> None:
+def test_numbers_of_a_text_may_run_over_lines_and_unknown_sections_are_passed_over(tmp_path):
     same(put(tmp_path / "text.grd", b"\r\n".join(surfer_text(HEIGHTS).split())), HEIGHTS)
     content = surfer_7(HEIGHTS, between=struct.pack("<4si7s", b"FLTI", 7, b"faults.")) + b"TAIL\3\0\0\0end"
     same(put(tmp_path / "z.grd", content), HEIGHTS)
 
 
 @pytest.mark.parametrize(("version", "high"), [(1, np.nan), (2, 9.0)])
-def test_the_blank_of_surfer_7_is_that_of_the_grid(tmp_path: Path, version: int, high: float) -> None:
+def test_the_blank_of_surfer_7_is_that_of_the_grid(tmp_path, version, high):
     """Version 1: blank at and above the value; version 2: at the value."""
     heights = np.where(np.arange(30).reshape(6, 5) == 0, 9.0, np.minimum(HOLED, 3.0))
     path = put(tmp_path / "z.grd", surfer_7(heights, version=version, blank=5.0))
@@ -51,7 +49,7 @@ def test_the_blank_of_surfer_7_is_that_of_the_grid(tmp_path: Path, version: int,
 
 NO_GRID = r"no Surfer grid.*allowed in \.grd: Surfer"
 TEXT, SIX, SEVEN = (write(HEIGHTS) for write in WRITERS.values())
-REFUSED: dict[str, tuple[bytes, str]] = {
+REFUSED = {
     "another": (b"HGPC1\0\0\1" + bytes(2000), NO_GRID),
     "noise": (np.random.default_rng(2).bytes(3000), NO_GRID),
     "empty": (b"", NO_GRID),
@@ -75,6 +73,6 @@ REFUSED: dict[str, tuple[bytes, str]] = {
 
 
 @pytest.mark.parametrize("name", list(REFUSED))
-def test_a_grid_that_may_be_misread_is_refused_by_name(tmp_path: Path, name: str) -> None:
+def test_a_grid_that_may_be_misread_is_refused_by_name(tmp_path, name):
     content, pattern = REFUSED[name]
     refused(put(tmp_path / "z.grd", content), pattern)

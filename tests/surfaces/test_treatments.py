@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
 from roughvol.surfaces.midpoint import random_midpoint_displacement
@@ -26,8 +24,6 @@ from roughvol.surfaces.treatment import (
     squared,
 )
 
-Heights = NDArray[np.float64]
-
 ROUGH = np.random.default_rng(11).normal(size=(33, 21))
 X, Y = np.meshgrid(np.arange(33.0), np.arange(21.0), indexing="ij")
 PLANE = 5.0 - 2.0 * X + 0.25 * Y
@@ -37,7 +33,7 @@ HOLE = np.zeros((33, 21), dtype=bool)
 HOLE[4:9, 7:15] = True
 
 
-def _without(heights: Heights, missing: NDArray[np.bool_]) -> Heights:
+def _without(heights, missing):
     return np.where(missing, np.nan, heights)
 
 
@@ -45,9 +41,7 @@ def _without(heights: Heights, missing: NDArray[np.bool_]) -> Heights:
 @pytest.mark.parametrize(
     ("kind", "taken_off"), [("mean", np.full_like(PLANE, 7.0)), ("tilt", PLANE), ("quadratic", QUADRATIC)]
 )
-def test_what_a_kind_takes_off_is_levelled_to_rounding(
-    kind: str, taken_off: Heights, missing: NDArray[np.bool_]
-) -> None:
+def test_what_a_kind_takes_off_is_levelled_to_rounding(kind, taken_off, missing):
     levelled = level(_without(taken_off, missing), kind)
     assert np.array_equal(np.isnan(levelled), missing)
     assert np.nanmax(np.abs(levelled)) <= 4e-16 * np.abs(taken_off).max()
@@ -55,7 +49,7 @@ def test_what_a_kind_takes_off_is_levelled_to_rounding(
 
 @pytest.mark.parametrize("missing", [np.zeros_like(HOLES), HOLES], ids=["whole", "scattered"])
 @pytest.mark.parametrize(("kind", "degree"), [("mean", 0), ("tilt", 1), ("quadratic", 2)])
-def test_levelling_is_least_squares_on_the_known_heights(kind: str, degree: int, missing: NDArray[np.bool_]) -> None:
+def test_levelling_is_least_squares_on_the_known_heights(kind, degree, missing):
     heights, known = _without(ROUGH + QUADRATIC, missing), ~missing
     terms = [X**a * Y**b for a in range(degree + 1) for b in range(degree + 1 - a)]
     found = np.linalg.lstsq(np.stack([term[known] for term in terms], axis=1), heights[known], rcond=None)[0]
@@ -74,12 +68,12 @@ def test_levelling_is_least_squares_on_the_known_heights(kind: str, degree: int,
     ],
     ids=[*LEVELS, *FILLS, "low pass", "outliers"],
 )
-def test_any_scale_of_heights_is_treated_alike(treated: Callable[[Heights], Heights], power: int) -> None:
+def test_any_scale_of_heights_is_treated_alike(treated, power):
     expected = np.ldexp(treated(ROUGH + PLANE), power)
     assert np.array_equal(treated(np.ldexp(ROUGH + PLANE, power)), expected)
 
 
-def test_known_heights_in_one_line_are_levelled_along_it() -> None:
+def test_known_heights_in_one_line_are_levelled_along_it():
     heights = np.full((5, 6), np.nan)
     heights[2] = 3.0 + 0.5 * np.arange(6)
     levelled = level(heights, "tilt")
@@ -89,14 +83,14 @@ def test_known_heights_in_one_line_are_levelled_along_it() -> None:
 
 @pytest.mark.parametrize("rule", FILLS)
 @pytest.mark.parametrize("missing", [HOLES, HOLE], ids=["scattered", "hole"])
-def test_filling_leaves_the_known_alone_and_stays_between_them(rule: str, missing: NDArray[np.bool_]) -> None:
+def test_filling_leaves_the_known_alone_and_stays_between_them(rule, missing):
     filled, known = fill(_without(ROUGH, missing), rule), ROUGH[~missing]
     assert np.array_equal(filled[~missing], known)
     assert known.min() <= filled.min()
     assert filled.max() <= known.max()
 
 
-def test_interpolated_heights_are_the_means_of_their_neighbours() -> None:
+def test_interpolated_heights_are_the_means_of_their_neighbours():
     missing = HOLES.copy()
     missing[0, 0] = missing[0, 1] = missing[1, 0] = missing[20:24, 20] = True  # a corner, and a rim
     filled = fill(_without(ROUGH, missing), "interpolate")
@@ -106,7 +100,7 @@ def test_interpolated_heights_are_the_means_of_their_neighbours() -> None:
     assert np.abs(fill(_without(PLANE, HOLE), "interpolate") - PLANE).max() < 1e-13
 
 
-def test_the_nearest_height_is_that_of_no_farther_node() -> None:
+def test_the_nearest_height_is_that_of_no_farther_node():
     filled = fill(_without(ROUGH, HOLE), "nearest")
     known = np.argwhere(~HOLE)
     for place in np.argwhere(HOLE):
@@ -120,16 +114,15 @@ INSIDE = np.s_[48 + 1 : -48 - 1]  # 1.5 cut-offs of 16 nodes from the edges
 ALONG = SPACING * np.arange(N)
 
 
-@pytest.mark.parametrize("ratio", [0.5, 1.0, 2.0, 4.0])
-@pytest.mark.parametrize("angle", [0.0, 0.2, 0.8, 1.5707963267948966, 2.5])
-def test_a_wave_in_any_direction_keeps_the_share_that_the_standard_gives_it(ratio: float, angle: float) -> None:
-    distance = math.cos(angle) * ALONG[:, np.newaxis] + math.sin(angle) * ALONG
-    wave = np.sin(2.0 * math.pi * distance / (ratio * CUT_OFF) + 0.3)
-    filtered = low_pass(wave, SPACING, CUT_OFF)
-    assert np.abs(filtered - 0.5 ** (1.0 / ratio**2) * wave)[INSIDE, INSIDE].max() < 1e-12
+def test_a_wave_in_any_direction_keeps_the_share_that_the_standard_gives_it():
+    for ratio, angle in ((0.5, 0.8), (1.0, 0.0), (1.0, 2.5), (4.0, 0.5 * math.pi)):
+        distance = math.cos(angle) * ALONG[:, np.newaxis] + math.sin(angle) * ALONG
+        wave = np.sin(2.0 * math.pi * distance / (ratio * CUT_OFF) + 0.3)
+        filtered = low_pass(wave, SPACING, CUT_OFF)
+        assert np.abs(filtered - 0.5 ** (1.0 / ratio**2) * wave)[INSIDE, INSIDE].max() < 1e-12
 
 
-def test_filtering_is_the_weighted_mean_over_the_nodes_there_are() -> None:
+def test_filtering_is_the_weighted_mean_over_the_nodes_there_are():
     heights, cut_off = ROUGH + PLANE, 5.0
     along = [np.arange(nodes) for nodes in heights.shape]
     x, y = (np.exp(-math.pi * ((i[:, np.newaxis] - i) / (ALPHA * cut_off)) ** 2) for i in along)
@@ -142,13 +135,13 @@ def test_filtering_is_the_weighted_mean_over_the_nodes_there_are() -> None:
 SIZES = st.integers(4, 23)
 
 
-def _plane(rows: int, columns: int, dx: float = 1.0, dy: float = 1.0) -> np.ndarray:
+def _plane(rows, columns, dx=1.0, dy=1.0):
     return 3.0 + 0.5 * dx * np.arange(rows)[:, np.newaxis] - 0.25 * dy * np.arange(columns)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(SIZES, SIZES, st.integers(1, 4))
-def test_the_block_means_of_a_plane_are_the_plane(rows: int, columns: int, side: int) -> None:
+def test_the_block_means_of_a_plane_are_the_plane(rows, columns, side):
     heights = block_means(_plane(rows, columns), side)
     middle = 0.5 * (side - 1)
     expected = _plane(rows // side, columns // side, side, side) + 0.5 * middle - 0.25 * middle
@@ -156,16 +149,16 @@ def test_the_block_means_of_a_plane_are_the_plane(rows: int, columns: int, side:
     assert np.allclose(heights, expected, rtol=0.0, atol=1e-13)
 
 
-def test_a_block_is_the_mean_of_its_known_heights_and_missing_if_most_of_them_are() -> None:
+def test_a_block_is_the_mean_of_its_known_heights_and_missing_if_most_of_them_are():
     _ = np.nan
     heights = np.array([[1.0, 2.0, _, 2.0], [3.0, _, _, _], [0.0, _, _, _], [4.0, _, _, _]])
     assert np.array_equal(block_means(heights, 2), [[2.0, _], [2.0, _]], equal_nan=True)
     assert np.array_equal(block_means(heights, 1), heights, equal_nan=True)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(SIZES, SIZES, st.floats(0.5, 2.0))
-def test_a_plane_on_oblong_pixels_is_the_plane_on_square_ones(rows: int, columns: int, ratio: float) -> None:
+def test_a_plane_on_oblong_pixels_is_the_plane_on_square_ones(rows, columns, ratio):
     heights = squared(_plane(rows, columns, 1.0, ratio), ratio)
     finer = min(1.0, ratio)
     assert np.allclose(heights, _plane(*heights.shape, finer, finer), rtol=0.0, atol=1e-12)
@@ -174,9 +167,9 @@ def test_a_plane_on_oblong_pixels_is_the_plane_on_square_ones(rows: int, columns
         assert (nodes - 1) * finer <= length * (1.0 + 1e-8) < nodes * finer * (1.0 + 1e-7)
 
 
-@pytest.mark.parametrize("ratio", [1.0006, 0.9994, 1.37])
-def test_waves_come_through_on_either_axis(ratio: float) -> None:
-    def wave(rows: int, columns: int, dx: float, dy: float) -> np.ndarray:
+@pytest.mark.parametrize("ratio", [0.9994, 1.37])
+def test_waves_come_through_on_either_axis(ratio):
+    def wave(rows, columns, dx, dy):
         x, y = np.meshgrid(dx * np.arange(rows), dy * np.arange(columns), indexing="ij")
         return np.sin(2.0 * math.pi * (x + 0.7 * y) / 16.0)
 
@@ -188,14 +181,14 @@ def test_waves_come_through_on_either_axis(ratio: float) -> None:
     assert np.allclose(turned, heights.T, rtol=0.0, atol=1e-12)
 
 
-def test_waves_of_four_pixels_keep_their_amplitude_everywhere() -> None:
+def test_waves_of_four_pixels_keep_their_amplitude_everywhere():
     y = np.arange(200.0)
     even, odd = (squared(np.tile(wave(0.5 * math.pi * y), (4, 1)), 1.37)[0] for wave in (np.cos, np.sin))
     amplitude = np.hypot(even, odd)[20:-20]
     assert 0.97 < amplitude.min() < amplitude.max() < 1.0 + 1e-6
 
 
-def test_new_nodes_beside_a_hole_are_missing_and_no_others() -> None:
+def test_new_nodes_beside_a_hole_are_missing_and_no_others():
     heights = np.random.default_rng(0).normal(size=(10, 12))
     heights[4, 6] = np.nan
     missing = np.isnan(squared(heights, 1.5))
@@ -213,7 +206,7 @@ ALONG_X, ALONG_Y = np.meshgrid(np.arange(200.0), np.arange(200.0), indexing="ij"
 DEVIATION = float(CORRELATED.std())
 
 
-def _slow(heights: Heights, sigma: float, window: int) -> NDArray[np.bool_]:
+def _slow(heights, sigma, window):
     """Slow and obvious: node by node, the plane fitted ten times, each time to the heights near the one before."""
     known = ~np.isnan(heights)
     near = known
@@ -232,25 +225,19 @@ def _slow(heights: Heights, sigma: float, window: int) -> NDArray[np.bool_]:
     return found
 
 
-@pytest.mark.parametrize(
-    "heights",
-    [WHITE, CORRELATED, *(random_midpoint_displacement(D, 7, seed=5).heights for D in (2.05, 2.3, 2.7, 2.95))],
-    ids=["white", "correlated", "D2.05", "D2.3", "D2.7", "D2.95"],
-)
-def test_nothing_of_a_rough_surface_is_an_outlier(heights: Heights) -> None:
-    assert not outliers(heights, 6.0).any()
+def test_nothing_of_a_rough_surface_is_an_outlier():
+    for heights in (WHITE, CORRELATED, *(random_midpoint_displacement(D, 7, seed=5).heights for D in (2.05, 2.95))):
+        assert not outliers(heights, 6.0).any()
 
 
-@pytest.mark.parametrize("window", [3, 5, 11])
-def test_white_noise_is_cut_as_if_it_deviated_by_a_tenth_more(window: int) -> None:
+@pytest.mark.parametrize("window", [3, 11])
+def test_white_noise_is_cut_as_if_it_deviated_by_a_tenth_more(window):
     share = outliers(WHITE, 3.0, window).mean()
     assert math.erfc(3.3 / math.sqrt(2.0)) < share < math.erfc(3.0 / 1.1 / math.sqrt(2.0))
 
 
-@pytest.mark.parametrize("tilt", [0.0, 0.5], ids=["level", "tilted"])
-@pytest.mark.parametrize("height", [40.0, -40.0, 9.0])
-@pytest.mark.parametrize("window", [3, 5, 9])
-def test_spikes_are_found_and_nothing_else(height: float, window: int, tilt: float) -> None:
+@pytest.mark.parametrize(("height", "window", "tilt"), [(40.0, 3, 0.0), (-40.0, 5, 0.5), (9.0, 9, 0.0), (9.0, 5, 0.5)])
+def test_spikes_are_found_and_nothing_else(height, window, tilt):
     expected = np.zeros(CORRELATED.shape, dtype=bool)
     for place in ((0, 0), (0, 77), (199, 199), (100, 50), (101, 50), (30, 199), (64, 64)):
         expected[place] = True
@@ -258,22 +245,13 @@ def test_spikes_are_found_and_nothing_else(height: float, window: int, tilt: flo
     assert np.array_equal(outliers(heights, 6.0, window), expected)
 
 
-def test_many_spikes_on_one_side_do_not_hide_behind_the_tilt_they_make() -> None:
+def test_many_spikes_on_one_side_do_not_hide_behind_the_tilt_they_make():
     expected = (RNG.random(CORRELATED.shape) < 0.04) & (ALONG_X > 100.0)
     heights = CORRELATED + 1000.0 * DEVIATION * expected
     assert np.array_equal(outliers(heights, 6.0), expected)
 
 
-def test_a_spike_beside_a_hole_or_alone_in_one_is_found() -> None:
-    heights = CORRELATED.copy()
-    heights[40:60, 40:60] = np.nan
-    heights[[50, 45, 60], [50, 46, 50]] = 30.0 * DEVIATION
-    heights[52, 53] = 0.0  # alone as well, and where the surface is
-    found = outliers(heights, 6.0)
-    assert sorted(map(tuple, np.argwhere(found).tolist())) == [(45, 46), (50, 50), (60, 50)]
-
-
-def test_a_quadratic_is_no_roughness_where_one_is_levelled() -> None:
+def test_a_quadratic_is_no_roughness_where_one_is_levelled():
     bowl = 50.0 * DEVIATION * (ALONG_X / 100.0 - 1.0) ** 2
     heights = CORRELATED + bowl
     heights[20, 100] += 9.0 * DEVIATION
@@ -281,10 +259,10 @@ def test_a_quadratic_is_no_roughness_where_one_is_levelled() -> None:
     assert np.argwhere(outliers(heights, 6.0, degree="quadratic")).tolist() == [[20, 100]]
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([3, 5, 7]), st.sampled_from([0.0, 0.3, 0.6]))
 @example(238, 5, 0.6)  # two sets of outliers that follow each other
-def test_fast_and_slow_agree(seed: int, window: int, holes: float) -> None:
+def test_fast_and_slow_agree(seed, window, holes):
     rng = np.random.default_rng(seed)
     heights = rng.normal(size=(rng.integers(15, 22), rng.integers(15, 22)))
     heights[rng.random(heights.shape) < 0.02] *= 8.0
@@ -319,6 +297,6 @@ CUT_OFFS = r"low_pass is .*; allowed: 2 \(twice the spacing\) to 20 \(the shorte
         *((lambda at=at: low_pass(ROUGH, 1.0, at), CUT_OFFS) for at in (0.0, 1.9, 20.1, math.nan, math.inf)),
     ],
 )
-def test_what_cannot_be_treated_is_refused(treated: Callable[[], Heights], said: str) -> None:
+def test_what_cannot_be_treated_is_refused(treated, said):
     with pytest.raises(SurfaceError, match=said):
         treated()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,18 +13,17 @@ from roughvol.errors import SurfaceError
 from roughvol.surfaces import texture
 from roughvol.surfaces.psd import spectral
 from roughvol.surfaces.spectrum import Spectrum, density, moment, nayak, slope_per_height
-from roughvol.surfaces.surface import Surface
 from roughvol.surfaces.waves import power_law_surface
 
 LAW = Spectrum(rolloff=4.0, cut=32.0, Sq=2.0)
 SIDE = 50.0
 
 
-def made(spectrum: Spectrum = LAW, hurst: float = 0.8, n: int = 64, seed: int = 0, side: float = SIDE) -> Surface:
+def made(spectrum=LAW, hurst=0.8, n=64, seed=0, side=SIDE):
     return power_law_surface(spectrum, hurst, n, side=side, seed=seed)
 
 
-def waves_of(surface: Surface) -> dict[tuple[int, int], complex]:
+def waves_of(surface):
     """Amplitude of every wave of a periodic surface, one by one."""
     n = surface.shape[0]
     transform = np.fft.fft2(surface.heights) / surface.heights.size
@@ -33,7 +31,7 @@ def waves_of(surface: Surface) -> dict[tuple[int, int], complex]:
     return {(i, j): complex(transform[i, j]) for i in numbers for j in numbers}
 
 
-def law_of(i: float, j: float, spectrum: Spectrum, hurst: float) -> float:
+def law_of(i, j, spectrum, hurst):
     """The law in words of its docstring, of one wave, in units of its plateau."""
     k = math.sqrt((spectrum.anisotropy * i) ** 2 + j**2)
     if (i, j) == (0, 0) or k >= spectrum.cut:
@@ -41,9 +39,8 @@ def law_of(i: float, j: float, spectrum: Spectrum, hurst: float) -> float:
     return 1.0 if k < spectrum.rolloff else (k / spectrum.rolloff) ** (-2.0 - 2.0 * hurst)
 
 
-@pytest.mark.parametrize("anisotropy", [1.0, 3.0])
-@pytest.mark.parametrize("hurst", [0.2, 0.9])
-def test_with_random_phases_every_wave_has_the_amplitude_of_the_law(hurst: float, anisotropy: float) -> None:
+@pytest.mark.parametrize(("hurst", "anisotropy"), [(0.2, 1.0), (0.9, 3.0)])
+def test_with_random_phases_every_wave_has_the_amplitude_of_the_law(hurst, anisotropy):
     spectrum = replace(LAW, phases="random", anisotropy=anisotropy)
     waves = waves_of(made(spectrum, hurst))
     law = {k: law_of(*k, spectrum, hurst) for k in waves}
@@ -52,8 +49,8 @@ def test_with_random_phases_every_wave_has_the_amplitude_of_the_law(hurst: float
         assert abs(wave) ** 2 == pytest.approx(scale * law[k], rel=1e-9, abs=1e-28)
 
 
-def test_the_mean_density_of_gaussian_fields_is_the_law() -> None:
-    seeds, n = 300, 32
+def test_the_mean_density_of_gaussian_fields_is_the_law():
+    seeds, n = 200, 32
     spectrum = replace(LAW, cut=16.0)
     mean = np.mean([spectral(made(spectrum, n=n, seed=seed)).psd for seed in range(seeds)], axis=0)
     exact = spectral(made(replace(spectrum, phases="random"), n=n)).psd
@@ -64,14 +61,14 @@ def test_the_mean_density_of_gaussian_fields_is_the_law() -> None:
 
 @pytest.mark.parametrize("phases", ["gaussian", "random"])
 @pytest.mark.parametrize("Ssk", [None, -1.0])
-def test_the_root_mean_square_is_exact(phases: Any, Ssk: float | None) -> None:
+def test_the_root_mean_square_is_exact(phases, Ssk):
     for hurst, seed in ((0.1, 0), (0.9, 5)):
         surface = made(replace(LAW, phases=phases, Ssk=Ssk), hurst, seed=seed)
         assert surface.Sq == pytest.approx(2.0, rel=1e-12)
         assert abs(surface.mean_height) < 1e-12
 
 
-def test_the_slope_is_the_one_asked_for_and_that_of_a_gradient_by_waves() -> None:
+def test_the_slope_is_the_one_asked_for_and_that_of_a_gradient_by_waves():
     surface = made(replace(LAW, slope=0.3))
     q = 2.0 * math.pi * np.fft.fftfreq(64, surface.spacing)
     transform = np.fft.fft2(surface.heights)
@@ -80,7 +77,7 @@ def test_the_slope_is_the_one_asked_for_and_that_of_a_gradient_by_waves() -> Non
     assert spectral(surface).rms_slope == pytest.approx(0.3, rel=1e-10)
 
 
-def test_the_slope_is_the_integral_of_the_density() -> None:
+def test_the_slope_is_the_integral_of_the_density():
     spectrum = Spectrum(rolloff=16.0, cut=128.0, Sq=2.0, phases="random")
     for hurst in (0.3, 0.8):
         found = spectral(made(spectrum, hurst, n=256))
@@ -96,7 +93,7 @@ def test_the_slope_is_the_integral_of_the_density() -> None:
 
 @pytest.mark.parametrize("Ssk", [None, -0.8])
 @pytest.mark.parametrize("phases", ["gaussian", "random"])
-def test_coarse_grids_are_the_same_field_with_the_high_waves_cut(phases: Any, Ssk: float | None) -> None:
+def test_coarse_grids_are_the_same_field_with_the_high_waves_cut(phases, Ssk):
     spectrum = replace(LAW, phases=phases, Ssk=Ssk, anisotropy=1.5)
     finest = waves_of(made(spectrum, n=128))
     for n in (8, 16, 32, 64):
@@ -105,7 +102,7 @@ def test_coarse_grids_are_the_same_field_with_the_high_waves_cut(phases: Any, Ss
             assert abs(wave - (finest[i, j] if low else 0.0)) < 1e-12
 
 
-def test_a_seed_has_the_same_low_waves_whatever_the_cut_and_the_exponent() -> None:
+def test_a_seed_has_the_same_low_waves_whatever_the_cut_and_the_exponent():
     """Matched pairs: phases and normal numbers are the same wave by wave."""
     few, many = waves_of(made(replace(LAW, cut=8.0), 0.8)), waves_of(made(LAW, 0.3))
     laws = {k: law_of(*k, LAW, 0.8) / law_of(*k, LAW, 0.3) for k in few if 0.0 < math.hypot(*k) < 8.0}
@@ -114,7 +111,7 @@ def test_a_seed_has_the_same_low_waves_whatever_the_cut_and_the_exponent() -> No
     assert abs(many[1, 0] - waves_of(made(LAW, 0.3, seed=1))[1, 0]) > 1e-3
 
 
-def test_the_stream_of_a_seed_does_not_change() -> None:
+def test_the_stream_of_a_seed_does_not_change():
     """Digits of the random stream: a change here changes every surface of every seed."""
     normal = np.random.Generator(np.random.PCG64(7)).standard_normal((4, 2))
     spectrum = Spectrum(rolloff=1.0, cut=1.3)  # the four waves of the first ring that are inside, less their conjugates
@@ -125,7 +122,7 @@ def test_the_stream_of_a_seed_does_not_change() -> None:
 
 
 @pytest.mark.parametrize("Ssk", [-1.0, 0.0, 0.5])
-def test_the_skewness_is_met_and_the_spectrum_is_kept(Ssk: float) -> None:
+def test_the_skewness_is_met_and_the_spectrum_is_kept(Ssk):
     kurtosis = []
     for seed in range(3):
         plain = made(replace(LAW, rolloff=8.0, cut=64.0), n=128, seed=seed)
@@ -137,18 +134,12 @@ def test_the_skewness_is_met_and_the_spectrum_is_kept(Ssk: float) -> None:
     assert np.mean(kurtosis) == pytest.approx(3.0 + 1.5 * Ssk**2, rel=0.1)  # Pearson's type III
 
 
-def test_a_skewness_out_of_reach_is_refused_with_what_is_possible() -> None:
+def test_a_skewness_out_of_reach_is_refused_with_what_is_possible():
     with pytest.raises(SurfaceError, match=r"Ssk = 2.9 is out of reach of these waves; allowed: -\d.\d\d to \d.\d\d"):
         made(Spectrum(rolloff=1.0, cut=3.0, Ssk=2.9))
 
 
-def test_anisotropy_stretches_the_waves_along_x() -> None:
-    surface = made(replace(LAW, anisotropy=4.0, rolloff=8.0, phases="random"))
-    x, y = (float(np.mean(np.square(np.diff(surface.heights, axis=axis)))) for axis in (0, 1))
-    assert math.sqrt(y / x) == pytest.approx(4.0, rel=0.25)
-
-
-def test_a_patch_is_the_period_with_its_edge_repeated() -> None:
+def test_a_patch_is_the_period_with_its_edge_repeated():
     period, patch = made(), made(replace(LAW, periodic=False))
     assert (period.periodic, patch.periodic) == (True, False)
     assert (period.shape, patch.shape) == ((64, 64), (65, 65))
@@ -172,13 +163,13 @@ def test_a_patch_is_the_period_with_its_edge_repeated() -> None:
         ({"Ssk": math.nan}, "Ssk must be finite"),
     ],
 )
-def test_what_lies_outside_its_interval_is_refused(changes: dict[str, Any], message: str) -> None:
+def test_what_lies_outside_its_interval_is_refused(changes, message):
     with pytest.raises(SurfaceError, match=message):
         made(replace(LAW, **changes))
 
 
 @pytest.mark.parametrize(("hurst", "n", "seed"), [(0.0, 64, 0), (1.0, 64, 0), (0.5, 63, 0), (0.5, 4, 0), (0.5, 64, -1)])
-def test_exponent_nodes_and_seed_are_checked(hurst: float, n: int, seed: int) -> None:
+def test_exponent_nodes_and_seed_are_checked(hurst, n, seed):
     with pytest.raises(SurfaceError):
         made(LAW, hurst, n, seed)
 
@@ -188,7 +179,7 @@ def test_exponent_nodes_and_seed_are_checked(hurst: float, n: int, seed: int) ->
 
 @pytest.mark.parametrize("hurst", [0.2, 0.5])
 @pytest.mark.parametrize("rolloff", [1.0, 6.0])
-def test_moments_are_the_integrals_of_the_law(rolloff: float, hurst: float) -> None:
+def test_moments_are_the_integrals_of_the_law(rolloff, hurst):
     spectrum = Spectrum(rolloff=rolloff, cut=40.0, Sq=3.0)
     for order in (0, 2, 4):
         wanted = integrate.quad(
@@ -196,14 +187,14 @@ def test_moments_are_the_integrals_of_the_law(rolloff: float, hurst: float) -> N
         )
         assert moment(spectrum, hurst, order) == pytest.approx(wanted[0], rel=1e-8)
 
-    def height(k: float) -> float:
+    def height(k):
         return k * density(spectrum, hurst, SIDE, k) * (2.0 * math.pi / SIDE) ** 2 / (2.0 * math.pi)
 
     total = integrate.quad(height, 1.0, 40.0, points=[rolloff])[0]
     assert math.sqrt(total) == pytest.approx(3.0, rel=1e-8)
 
 
-def test_nayaks_parameter_of_one_ring_is_three_halves_and_that_of_a_power_law_is_known() -> None:
+def test_nayaks_parameter_of_one_ring_is_three_halves_and_that_of_a_power_law_is_known():
     ring = Spectrum(rolloff=1e3, cut=1e3 * (1 + 1e-9))
     assert nayak(ring, 0.8) == pytest.approx(1.5 * (1 / 2) * (1 / 6) * 16)
     zeta = 64.0
