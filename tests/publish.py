@@ -29,7 +29,7 @@ LIBRARIES = {"lowest": "lowest-direct", "newest": "highest"}
 OLD = {"lowest": ("-W", "default::DeprecationWarning"), "newest": ()}  # old libraries call what newer ones deprecate
 EXTRAS = ("measured", "cluster")  # extras of users, installed for the tests
 TOOLS = ("pytest", "pytest-timeout", "hypothesis")
-TESTS = (  # numbers: contact with tests/regression/contact.json, flow, files of heights, what is written
+TESTS = (  # numbers: contact with tests/reference/rough_33x25.npz, flow, files of heights, what is written
     "contact/test_loading.py",
     "gap/test_network.py",
     "surfaces/test_reading.py",

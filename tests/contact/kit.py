@@ -187,26 +187,6 @@ def check_conditions(contact, surface, kernel, rtol, rounding=1e-14):
     assert contact.free_volume == pytest.approx(g.mean(), abs=contact.residual + 10 * rounding)
 
 
-def solved_case(heights, indentations):
-    """States of a surface by the oracle and the independent kernel, as in tests/regression/contact.json."""
-    heights = np.array(heights, dtype=float)
-    matrix = dense_matrix(love_influence(heights.shape))
-    depth, size = heights.max() - heights, heights.size
-    Sq = math.sqrt(np.mean((heights - heights.mean()) ** 2))
-    states = []
-    for indentation in indentations:
-        pressure = exact_pressure(matrix, (indentation - depth / Sq).ravel())
-        states.append(
-            {
-                "indentation": indentation,
-                "contact_elements": int(np.count_nonzero(pressure)),
-                "mean_pressure": math.pi * (heights.shape[0] - 1) * float(pressure.sum()) / size,
-                "free_volume": float((matrix @ pressure + depth.ravel() / Sq).mean()) - indentation,
-            }
-        )
-    return states
-
-
 @lru_cache
 def contact_set(shape, seed=0, kernel="love"):
     """A half space, elements in contact on a piece of a fractal surface, K between them, and t with K t = 1."""

@@ -15,14 +15,13 @@ from roughvol.surfaces.surface import Surface
 from tests.contact.kit import half_space, random
 
 # small, even, odd, prime, with large prime factors, powers of two
-SMALL = [(1, 1), (1, 9), (3, 4), (64, 1), (5, 5), (9, 16), (17, 34)]
-SHAPES = [*SMALL, (48, 51), (129, 64), (33, 257), (100, 75), (7, 300)]
+SHAPES = [(1, 1), (1, 9), (3, 4), (64, 1), (17, 34), (48, 51), (33, 257), (100, 75)]
 
 
 @pytest.mark.parametrize("kind", [Cosines, FoldedCosines])
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
 def test_waves_are_cosine_transforms_up_to_signs(dtype, kind):
-    for nodes in [*range(1, 70), 128, 129, 257, 513, 1000]:
+    for nodes in [*range(1, 20), 33, 48, 61, 64, 69, 128, 257, 1000]:
         cosines = kind(nodes, np.dtype(dtype))
         assert np.array_equal(np.sort(cosines.element, axis=None), np.arange(nodes))
         assert np.array_equal(np.unique(cosines.wave), np.arange(nodes + 1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from roughvol.contact.options import Tuning
 from tests.contact.kit import KERNELS, SIDES, contact_set, half_space, of_units, random, spectrum_of
 
 SIZES = range(9, 301)
-PERIODS = [(17, 17), (64, 40), (33, 70), (9, 150), (61, 16), (5, 129)]
+PERIODS = [(17, 17), (64, 40), (9, 150), (61, 16)]
 
 
 def inverse(space, elements, t, **constants):
@@ -59,7 +60,7 @@ def check_dense(shape, sides, kernel, generator, tiers=(256, 16, 3)):
 
 def test_inverse_is_positive_definite_on_grids_of_any_size():
     generator = random(1)
-    for number, rows in enumerate(range(9, 150, 7)):
+    for number, rows in enumerate(range(9, 150, 12)):
         shape = (rows, rows if number % 3 else int(generator.choice(SIZES[:140])))
         check_dense(shape, SIDES[number % 3], KERNELS[number // 3 % 2], generator, ((256, 16, 3)[number // 6 % 3],))
 
@@ -90,9 +91,9 @@ def least_and_largest(inverse, size, generator, steps=8):
 
 
 # 0.11.1 was indefinite on 129, 133 and 137: a last block of a few elements on a period of three blocks of blocks
-LARGE = [(n, n) for n in (129, 133, 136, 137)] + [(116, 140), (187, 17), (17, 400)]
-LARGER = [(n, n) for n in (130, 131, 139, 144, 145, 207, 215, 258, 272)]
-LARGER += [(117, 204), (174, 327), (250, 132), (268, 275), (328, 213), (17, 800)]
+LARGE = [(129, 129), (133, 133), (137, 137), (116, 140), (17, 400)]
+LARGER = [(n, n) for n in (130, 131, 136, 139, 144, 145, 207, 215, 258, 272)]
+LARGER += [(187, 17), (117, 204), (174, 327), (250, 132), (268, 275), (328, 213), (17, 800)]
 
 
 @pytest.mark.parametrize("sides", SIDES)
@@ -107,14 +108,12 @@ def test_inverse_is_positive_definite_on_large_contacts(shape, sides):
         assert 0.0 < least < largest < 3.0
 
 
-@pytest.mark.parametrize("factorised_up_to", [256, 9, 1])
-@pytest.mark.parametrize("guess", ["t", "noise", "nothing", "one element"])
-def test_any_guess_of_t_leaves_it_positive_definite(guess, factorised_up_to):
-    for shape in ((33, 33), (3, 120)):
-        space, elements, matrix, t = contact_set(shape)
-        noise = random(1).exponential(size=t.size) ** 4
-        guesses = {"t": np.maximum(t, 0.0), "noise": noise, "nothing": 0.0 * t, "one element": noise == max(noise)}
-        found = inverse(space, elements, 1.0 * guesses[guess], factorised_up_to=factorised_up_to)
+@pytest.mark.parametrize(("shape", "factorised_up_to"), [((33, 33), 256), ((33, 33), 1), ((3, 120), 9)])
+def test_any_guess_of_t_leaves_it_positive_definite(shape, factorised_up_to):
+    space, elements, matrix, t = contact_set(shape)
+    noise = random(1).exponential(size=t.size) ** 4
+    for guess in (np.maximum(t, 0.0), noise, 0.0 * t, 1.0 * (noise == max(noise))):
+        found = inverse(space, elements, guess, factorised_up_to=factorised_up_to)
         spectrum_of(of_units(found, elements.size), matrix)
 
 
@@ -129,11 +128,8 @@ def test_blocks_leave_nothing_for_the_iteration_to_find(factorised_up_to):
 
 
 def test_without_a_factorisation_the_near_field_does(monkeypatch):
-    def fails(*_, **__):
-        raise np.linalg.LinAlgError
-
-    monkeypatch.setattr(far_field.linalg, "cho_factor", fails)
-    space, elements, matrix, t = contact_set((65, 65))
+    monkeypatch.setattr(far_field.linalg, "cho_factor", Mock(side_effect=np.linalg.LinAlgError))
+    space, elements, matrix, t = contact_set((65, 65), 1)
     found = spectrum_of(of_units(inverse(space, elements, t), elements.size), matrix)
     assert found[-1] / found[0] < 20.0
 
@@ -143,7 +139,7 @@ def test_without_a_factorisation_the_near_field_does(monkeypatch):
 
 @pytest.mark.parametrize("sides", SIDES)
 def test_blocks_along_an_axis_hold_every_node_once(sides):
-    for nodes in range(1, 400):
+    for nodes in (*range(1, 80), 129, 399):
         axis = far_field.cut(nodes, 8, sides)
         lengths = np.bincount(axis.block)
         assert lengths.size == axis.blocks == -(-nodes // 8)
@@ -228,12 +224,13 @@ def check_tier(tier, shape, matrix, elements, t):
     return tier.matrix(), exact
 
 
-GRIDS = [("free", shape) for shape in ((65, 65), (50, 100), (3, 250))]
+GRIDS = [("free", shape) for shape in ((50, 100), (3, 250))]
 GRIDS += [(sides, shape) for sides in ("mirrored", "periodic") for shape in PERIODS]
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize(("sides", "shape"), GRIDS)
+@pytest.mark.parametrize(
+    ("sides", "shape", "kernel"), [(*grid, KERNELS[number % 2]) for number, grid in enumerate(GRIDS)]
+)
 def test_operator_between_blocks_is_exact_nearby(sides, shape, kernel):
     space, elements, matrix, t = scattered(shape, sides, kernel)
     tier = far_field.Tier(space, elements, t)
@@ -255,9 +252,7 @@ def test_operator_between_blocks_of_blocks_is_exact_nearby(sides):
     check_tier(tier, below.shape, below.matrix(), below.numbers, below.mass)
 
 
-@pytest.mark.parametrize(
-    ("sides", "shape"), [("free", (65, 65)), *((sides, shape) for sides in SIDES[1:] for shape in PERIODS)]
-)
+@pytest.mark.parametrize(("sides", "shape"), GRIDS[1:])
 def test_near_field_of_blocks_is_the_factor_of_its_definition(sides, shape):
     space, elements, _, t = scattered(shape, sides)
     tier = far_field.Tier(space, elements, t)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -13,11 +12,10 @@ from hypothesis import strategies as st
 from roughvol.contact.halfspace import HalfSpace, transform_length
 from roughvol.contact.options import Tuning
 from roughvol.errors import ContactError
-from roughvol.reproduction import closed_forms
-from tests.contact.kit import BODIES, KERNELS, coefficients, dense, half_space, random, summed_displacement
+from tests.contact.kit import BODIES, KERNELS, coefficients, dense, random, summed_displacement
 
-SHAPES = [(1, 1), (1, 7), (2, 1), (3, 4), (17, 9), (12, 7), (3, 100), (33, 2)]
-PERIODS = [(5, 5), (5, 8), (16, 16), (15, 22), (9, 31)]
+SHAPES = [(1, 1), (1, 7), (2, 1), (3, 4), (17, 9), (3, 100)]
+PERIODS = [(5, 5), (16, 16), (9, 22)]
 
 
 @pytest.mark.parametrize(
@@ -48,13 +46,10 @@ def test_convolution_is_the_matrix_of_the_coefficients(sides, kernel, shape):
             lent[0, 0] = 1.0
 
 
-@pytest.mark.parametrize("value", [1e30, math.nan])
-@pytest.mark.parametrize("shape", [(17, 17), (12, 7)])
-def test_nothing_is_left_behind_by_earlier_calls(shape, value):
-    everything = np.arange(math.prod(shape))
-    spike = np.zeros(everything.size)
+def test_nothing_is_left_behind_by_earlier_calls():
+    shape, everything, spike = (12, 7), np.arange(84), np.zeros(84)
     spike[9] = 1.0
-    some, ones, high = everything[::3], np.ones(everything[::3].size), np.full(everything.size, value)
+    some, ones, high = everything[::3], np.ones(28), np.full(84, math.nan)
 
     def calls(elements, pressure, heights):
         return [
@@ -94,8 +89,8 @@ def test_arguments_and_results_belong_to_the_caller():
 # ---- windows
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
-@given(st.integers(1, 200), st.integers(1, 200), st.sampled_from(KERNELS), st.booleans(), st.integers(0, 2**32 - 1))
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(st.integers(1, 120), st.integers(1, 120), st.sampled_from(KERNELS), st.booleans(), st.integers(0, 2**32 - 1))
 def test_elements_anywhere_are_displaced_as_on_the_whole_grid(rows, columns, kernel, single, seed):
     space = HalfSpace((rows, columns), kernel, tuning=Tuning(windows_from=0))
     generator, pressure = random(seed), np.zeros((rows, columns))
@@ -132,15 +127,6 @@ def test_windows_are_kept_within_bounds():
 # ---- the whole grid as a spring
 
 
-def test_mean_compliance_of_a_loaded_square():
-    # Element centres sample the displacement; it is steep at the edges, so the mean converges like h² log h.
-    exact = closed_forms.rectangle_mean_displacement((1.0, 1.0))
-    errors = [half_space((n, n)).total_compliance.mean() / (math.pi * n) - exact for n in (9, 17, 33, 65, 129)]
-    assert exact == pytest.approx(0.9464, abs=5e-5)
-    assert 0.0 < errors[-1] < 5e-5
-    assert all(coarse > 2.8 * fine for coarse, fine in pairwise(errors))
-
-
 # ---- sizes
 
 
@@ -155,22 +141,16 @@ def test_transform_length_is_even_long_enough_and_smooth():
 
 @pytest.mark.parametrize(
     ("shape", "sides", "least"),
-    [
-        ((0, 3), "free", 1),
-        ((-1, 3), "free", 1),
-        ((2, 8), "mirrored", 3),
-        ((2, 8), "periodic", 5),
-        ((8, 4), "periodic", 5),
-    ],
+    [((0, 3), "free", 1), ((-1, 3), "free", 1), ((2, 8), "mirrored", 3), ((8, 4), "periodic", 5)],
 )
 def test_grids_that_are_too_small_are_refused(shape, sides, least):
     with pytest.raises(ContactError, match=f"at least {least} × {least}"):
         HalfSpace(shape, sides=sides)
 
 
-@pytest.mark.parametrize("shape", [(5, 6), (6, 5), (30,), (1, 5, 6)])
-def test_pressure_of_another_shape_is_refused(shape):
+def test_pressure_of_another_shape_is_refused():
     space = HalfSpace((5, 7))
-    with pytest.raises(ContactError, match=r"\(5, 7\)"):
-        space.displacement(np.zeros(shape))
+    for shape in ((5, 6), (30,), (1, 5, 6)):
+        with pytest.raises(ContactError, match=r"\(5, 7\)"):
+            space.displacement(np.zeros(shape))
     assert space.convolutions == 0

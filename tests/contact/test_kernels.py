@@ -19,45 +19,21 @@ from tests.contact.kit import coefficients, dense, dense_matrix, every_body, fra
 EPS = np.finfo(float).eps
 
 
-@pytest.mark.parametrize(
-    ("x", "y"),
-    [
+def test_love_kernel_is_the_integral_over_the_element():
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    for x, y in (
         *[(1, 0), (1, 1), (2, 0), (3, 7), (0.25, 3), (44, 0)],  # neighbours, an offset between nodes
         *[(63, 0), (64, 0), (64, 1), (65, 0), (65, 1), (45, 45), (46, 46)],  # both sides of the change of form
         *[(200, 3), (8192, 0), (8192, 1), (8192, 8191), (1e6, 1e6)],
-    ],
-)
-def test_love_kernel_is_the_integral_over_the_element(x, y):
-    nodes, weights = np.polynomial.legendre.leggauss(24)
-    distance = np.hypot(x - 0.5 * nodes[:, None], y - 0.5 * nodes)
-    integral = np.sum(np.outer(weights, weights) / 4.0 / distance)
-    assert float(love_kernel(x, y)) == pytest.approx(integral, rel=1e-13)
+    ):
+        distance = np.hypot(x - 0.5 * nodes[:, None], y - 0.5 * nodes)
+        integral = np.sum(np.outer(weights, weights) / 4.0 / distance)
+        assert float(love_kernel(x, y)) == pytest.approx(integral, rel=1e-13), (x, y)
 
 
 def test_coefficients_of_love_are_those_of_a_loaded_rectangle():
     assert float(love_kernel(0.0, 0.0)) == pytest.approx(4.0 * math.log(1.0 + math.sqrt(2.0)), rel=4 * EPS)
     np.testing.assert_allclose(coefficients((17, 33)), love_influence((17, 33)), rtol=1e-12)
-
-
-@pytest.mark.parametrize("slope", [0.0, 1 / 3, 1.0])
-def test_nine_elements_are_one_of_three_times_the_side(slope):
-    # At 66 … 190 the nine lie in the range of the series and the large one in that of the closed form.
-    around = np.arange(-1.0, 2.0)
-    for x in (0.0, 3.0, 60.0, 66.0, 150.0, 190.0, 192.0, 195.0):
-        y = round(x * slope)
-        nine = love_kernel(np.abs(x + around)[:, None], np.abs(y + around))
-        assert nine.sum() == pytest.approx(3.0 * float(love_kernel(x / 3.0, y / 3.0)), rel=1e-13)
-
-
-@pytest.mark.parametrize("kernel", [love_kernel, punch])
-def test_kernel_is_symmetric_positive_and_falls_off_as_a_point_force(kernel):
-    quadrant = kernel(np.arange(120.0)[:, None], np.arange(120.0))
-    np.testing.assert_allclose(quadrant, quadrant.T, rtol=1e-13)
-    assert quadrant.min() > 0.0
-    assert np.diff(quadrant, axis=0).max() < 0.0
-    for x in (10.0, 63.0, 65.0, 1000.0):
-        # Love: r K - 1 → 1/(24 r²), half the second moment of the square; punch: asin(s) - s → s³/6, the same
-        assert x * x * (x * float(kernel(x, 0.0)) - 1.0) == pytest.approx(1 / 24, abs=0.03 / x**2 + 2 * EPS * x * x)
 
 
 def test_punch_kernel_values():
@@ -73,17 +49,16 @@ def test_influence_matrix_is_k_of_the_offsets():
     assert np.array_equal(influence_matrix(every_eighth, np.arange(every_eighth.size)), dense_matrix(every_eighth))
 
 
-@pytest.mark.parametrize("kernel", ["love", "punch"])
-@pytest.mark.parametrize("shape", [(5, 5), (7, 6)])
+@pytest.mark.parametrize(("kernel", "shape"), [("love", (5, 6)), ("punch", (5, 5))])
 def test_coefficients_of_a_period_are_sums_over_images(kernel, shape):
     """Rectangles of images, equal but for a constant. The rest falls as 1/reach, and is extrapolated."""
 
     def images(reach):
         number = np.arange(-reach, reach + 1)
         total = np.zeros(shape)
-        for i, j in itertools.product(range(shape[0]), range(shape[1])):
+        for i, j in itertools.product(range(shape[0] // 2 + 1), range(shape[1] // 2 + 1)):
             row, column = np.abs(i + shape[0] * number), np.abs(j + shape[1] * number)
-            total[i, j] = KERNELS[kernel].coefficients(row[:, None], column).sum()
+            total[np.ix_([i, -i], [j, -j])] = KERNELS[kernel].coefficients(row[:, None], column).sum()
         return total - total.mean()
 
     ours = half_space(shape, kernel, "periodic").influence
@@ -96,24 +71,17 @@ def test_spectrum_is_that_of_uniform_pressure_on_elements():
     """The sum over aliases, by brute force along both axes, for waves of all directions."""
     n, spectrum = 16, periodic_spectrum((16, 16))
     alias = np.arange(-1000, 1001)
-    for k, n_y in ((0, 1), (1, 1), (3, 5), (8, 8)):
+    for k, n_y in ((0, 1), (3, 5), (8, 8)):
         row, column = (k / n + alias)[:, None], n_y / n + alias
         total = (np.sinc(row) * np.sinc(column) / np.hypot(row, column)).sum()
         assert spectrum[k, n_y] == pytest.approx(total, rel=2e-9)
 
 
-def test_long_waves_see_the_half_space():
-    """λ → 1/|f| for long waves: 2/(E* q)."""
-    love, fourier = (periodic_spectrum((512, 512), KERNELS[kernel]) for kernel in ("love", "fourier"))
-    assert love[1, 0] == pytest.approx(fourier[1, 0], rel=1e-4)
-    assert love[2, 3] == pytest.approx(fourier[2, 3], rel=1e-3)
-
-
 def aliases_of(thickness, nu, n, reach):
-    """Sum over aliases of the waves of a layer spread over elements, as a slow counterpart."""
+    """Sum over aliases of the waves of a layer spread over elements, as a slow counterpart; waves with i ≥ j."""
     k, m = 3.0 - 4.0 * nu, np.arange(-reach, reach + 1)
     total = np.zeros((n // 2 + 1, n // 2 + 1))
-    for i, j in np.ndindex(total.shape):
+    for i, j in zip(*np.tril_indices(len(total)), strict=True):
         row, column = i / n + m[:, None], j / n + m
         f = np.hypot(row, column)
         f[f == 0.0] = np.inf
@@ -123,10 +91,11 @@ def aliases_of(thickness, nu, n, reach):
     return total
 
 
-@pytest.mark.parametrize(("thickness", "nu"), [(0.25, 0.3), (0.25, 0.5), (1.0, 0.0), (3.0, 0.5), (20.0, -0.5)])
+@pytest.mark.parametrize(("thickness", "nu"), [(0.25, 0.3), (1.0, 0.5), (20.0, -0.5)])
 def test_elements_on_a_layer_are_the_sum_over_its_aliases(thickness, nu):
-    spectrum, total = periodic_spectrum((8, 8), layer(thickness, nu)), aliases_of(thickness, nu, 8, 200)
-    np.testing.assert_allclose(spectrum.ravel()[1:], total.ravel()[1:], rtol=1e-6)
+    spectrum, total = periodic_spectrum((5, 5), layer(thickness, nu)), aliases_of(thickness, nu, 5, 200)
+    np.testing.assert_allclose(spectrum, spectrum.T, rtol=1e-12)
+    np.testing.assert_allclose(np.tril(spectrum).ravel()[1:], total.ravel()[1:], rtol=1e-6)
 
 
 @pytest.mark.parametrize("elements", [False, True])
@@ -137,24 +106,23 @@ def test_a_thin_layer_is_stiffer_and_a_thick_one_is_the_half_space(elements):
     np.testing.assert_allclose(spectra[-1], half, rtol=1e-12)
 
 
-@pytest.mark.parametrize("nu", [-0.5, 0.0, 0.3])
-def test_long_waves_press_a_layer_as_a_mattress_of_springs(nu):
+@pytest.mark.parametrize(("nu", "shape"), [(-0.5, (256, 5)), (0.3, (5, 256))])
+def test_long_waves_press_a_layer_as_a_mattress_of_springs(nu, shape):
     thickness = 0.25
-    spectrum = periodic_spectrum((256, 256), layer(thickness, nu))
+    spectrum = periodic_spectrum(shape, layer(thickness, nu))
     springs = np.pi * thickness * (1.0 - 2.0 * nu) / (1.0 - nu) ** 2
-    np.testing.assert_allclose(spectrum[[1, 0, 1], [0, 1, 1]], springs, rtol=1e-4)
+    assert spectrum.ravel()[3 if shape[0] > 5 else 1] == pytest.approx(springs, rel=1e-4)
 
 
 def test_long_waves_press_an_incompressible_layer_as_the_flow_in_it():
     """λ → 2ζ³/(3 f): the layer is squeezed sideways, p - p₀ falls off with the square of the wave."""
     thickness, f = 0.5, 1.0 / 512
     zeta = 2.0 * np.pi * f * thickness
-    spectrum = periodic_spectrum((512, 512), layer(thickness, 0.5, elements=False))
+    spectrum = periodic_spectrum((512, 5), layer(thickness, 0.5, elements=False))
     assert spectrum[1, 0] == pytest.approx(2.0 * zeta**3 / 3.0 / f, rel=5.0 * zeta**2)
 
 
-@pytest.mark.parametrize("elements", [False, True])
-@pytest.mark.parametrize(("thickness", "nu"), [(0.5, 0.5), (0.5, 0.3), (5.0, 0.5)])
+@pytest.mark.parametrize(("thickness", "nu", "elements"), [(0.5, 0.5, False), (0.5, 0.3, True), (5.0, 0.5, True)])
 def test_contact_of_a_layer_converges_up_to_full_contact(thickness, nu, elements):
     surface = fractal(4, 2.3, sides="periodic")
     space = HalfSpace(surface.shape, layer(thickness, nu, elements), sides="periodic")

@@ -31,14 +31,9 @@ def test_the_projection_is_allowed_nearest_and_repeatable(law):
     assert np.array_equal(law.project(allowed), allowed)
     assert np.array_equal(np.flatnonzero(allowed != q), law.outside(q))
     assert (np.abs(q - allowed) <= np.abs(q - other)).all()
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_an_admitted_change_of_allowed_pressures_stays_allowed_at_first(law):
-    q, change = random(2).normal(size=(2, 200))
-    q = law.project(2.0 * q)
-    assert law.outside(q + 1e-9 * change * law.admits(q, change)).size == 0
-    assert law.admits(q, np.zeros(200)).all()
+    # an admitted change of allowed pressures stays allowed at first
+    assert law.outside(allowed + 1e-9 * another * law.admits(allowed, another)).size == 0
+    assert law.admits(allowed, np.zeros(200)).all()
 
 
 @every_body
@@ -167,7 +162,7 @@ def test_without_hardness_the_contact_is_the_bearing_area():
 
 
 @every_side
-@pytest.mark.parametrize("hardness", [None, 40.0, 8.0, 2.0])
+@pytest.mark.parametrize("hardness", [None, 40.0, 2.0])
 def test_elastic_contact_retraces_and_yielded_contact_unloads_below_and_returns(sides, hardness):
     turn = len(UP) - 1
     surface = fractal(4, 2.3, 3, sides)
@@ -188,13 +183,6 @@ def test_elastic_contact_retraces_and_yielded_contact_unloads_below_and_returns(
         assert contact.free_volume == pytest.approx(contact.gap().mean(), abs=1e-6)
         if sides != "free":
             assert contact.free_volume == pytest.approx(contact.separation + contact.plastic_volume, abs=1e-12)
-
-
-def test_reloading_beyond_the_largest_indentation_is_loading_of_the_virgin_surface():
-    *_, path = swept(SURFACE, (1.0, 2.0, 1.4, 2.6), rtol=RTOL, hardness=5.0)
-    (direct,) = swept(SURFACE, (2.6,), rtol=RTOL, hardness=5.0)
-    assert path.mean_pressure == pytest.approx(direct.mean_pressure, rel=1e-7)
-    assert np.abs(path.plastic_displacement() - direct.plastic_displacement()).max() < 4 * RTOL
 
 
 @settings(max_examples=8, deadline=None, derandomize=True)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 import pickle
-from functools import lru_cache
-from itertools import islice, pairwise
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -22,38 +20,17 @@ from roughvol.contact.loading import solve, sweep
 from roughvol.contact.options import Tuning
 from roughvol.errors import ContactError, ConvergenceError
 from roughvol.surfaces.surface import Surface
-from tests.contact.kit import (
-    KERNELS,
-    REFERENCE,
-    DenseHalfSpace,
-    check_conditions,
-    dense,
-    every_body,
-    exact_pressure,
-    fractal,
-    half_space,
-    lattice_pressure,
-    mean_plane,
-    numbers,
-    random,
-    scaled_overlap,
-    self_affine,
-    solved_case,
-    summed_displacement,
-    swept,
-)
+from tests.contact import kit
 
 ROOT = Path(__file__).parents[2]
-STORED = json.loads((ROOT / "tests" / "regression" / "contact.json").read_text(encoding="utf-8"))
-
-generator = random(20)
+generator = kit.random(20)
 axis = np.arange(11.0) - 5.0
 peaks = np.full((13, 13), -1.0)
 peaks[[3, 3, 9, 9], [3, 9, 3, 9]] = 0.0
 spike = np.zeros((11, 11))
 spike[5, 8] = 1.0
 HEIGHTS = {
-    **{f"D={D} m={m}": fractal(m, D, m).heights for D, m in ((2.1, 4), (2.5, 3), (2.9, 4), (2.3, 1), (2.001, 3))},
+    **{f"D={D} m={m}": kit.fractal(m, D, m).heights for D, m in ((2.1, 4), (2.5, 3), (2.9, 4), (2.3, 1), (2.001, 3))},
     **{"white noise": generator.standard_normal((14, 11)), "3 × 60": generator.standard_normal((3, 60))},
     **{"3 × 3": generator.standard_normal((3, 3)), "plateaus": generator.integers(0, 3, (11, 13)).astype(float)},
     **{"four peaks": peaks, "spike": spike, "pit": -spike, "checkerboard": np.indices((10, 11)).sum(axis=0) % 2.0},
@@ -73,12 +50,12 @@ def total_work(contacts):
 
 def check_exact(contact, surface, kernel):
     """The state is that of the dense oracle. Return elements that are in contact or open beyond doubt."""
-    b = scaled_overlap(surface, contact.approach).ravel()
-    matrix = dense(surface.shape, kernel, surface.sides)
-    q = exact_pressure(matrix, b)
+    b = kit.scaled_overlap(surface, contact.approach).ravel()
+    matrix = kit.dense(surface.shape, kernel, surface.sides)
+    q = kit.exact_pressure(matrix, b)
     w = matrix @ q - b
     # |K⁻¹| < 4 for all kernels: the freedom within a residual of 1e-10
-    np.testing.assert_allclose(lattice_pressure(contact).ravel(), q, rtol=0, atol=1e-9 * (1.0 + 1e-3 * q.max()))
+    np.testing.assert_allclose(kit.lattice_pressure(contact).ravel(), q, rtol=0, atol=1e-9 * (1.0 + 1e-3 * q.max()))
     mask, loaded, open_ = contact.contact().ravel(), q > 1e-8, w > 1e-8  # ties leave elements that are neither
     assert mask[loaded].all()
     assert not mask[open_].any()
@@ -93,189 +70,146 @@ def check_exact(contact, surface, kernel):
 )
 def test_sweep_is_the_exact_solution_on_any_surface(name, kernel):
     surface = SURFACES[name]
-    contacts = swept(surface, INDENTATIONS, kernel, rtol=TIGHT)
+    contacts = kit.swept(surface, INDENTATIONS, kernel, rtol=TIGHT)
     assert [c.indentation for c in contacts] == list(INDENTATIONS)
     for contact in contacts:
-        check_conditions(contact, surface, kernel, TIGHT)
+        kit.check_conditions(contact, surface, kernel, TIGHT)
         decided = check_exact(contact, surface, kernel)
         assert name not in GENERIC or decided.all()
 
 
-@every_body
+@kit.every_body
 @pytest.mark.parametrize("iterated", [False, True])
 def test_sweep_is_the_exact_solution_for_any_body(sides, kernel, iterated):
-    surface = fractal(4, 2.4, 0, sides)
+    surface = kit.fractal(4, 2.4, 0, sides)
     options = {"rtol": TIGHT, "tuning": Tuning(dense_up_to=0)} if iterated else {"rtol": TIGHT}
-    for contact in swept(surface, (0.05, 0.8, 2.5, 20.0), kernel, **options):
+    for contact in kit.swept(surface, (1e-12, 1e-6, 0.8, 0.8 + 1e-9, 2.5, 20.0), kernel, **options):
         check_exact(contact, surface, kernel)
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=12, deadline=None, derandomize=True)
 @given(
     arrays(np.int8, st.tuples(st.integers(3, 6), st.integers(3, 6)), elements=st.integers(0, 4)),
     st.lists(st.integers(1, 60), min_size=1, max_size=4, unique=True).map(sorted),
-    st.sampled_from(KERNELS),
+    st.sampled_from(kit.KERNELS),
 )
 def test_surfaces_full_of_ties(heights, tenths, kernel):
     surface = Surface(heights, 1.0)
-    for contact in sweep(surface, half_space(surface.shape, kernel), [t / 10.0 for t in tenths], rtol=TIGHT):
+    for contact in sweep(surface, kit.half_space(surface.shape, kernel), [t / 10.0 for t in tenths], rtol=TIGHT):
         check_exact(contact, surface, kernel)
-        check_conditions(contact, surface, kernel, TIGHT)
+        kit.check_conditions(contact, surface, kernel, TIGHT)
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("kernel", kit.KERNELS)
 @pytest.mark.parametrize("shape", [(65, 65), (40, 90), pytest.param((129, 129), marks=pytest.mark.slow)])
 def test_made_up_solution_is_found(shape, kernel):
     # Any q ≥ 0 and g ≥ 0 that exclude each other are the contact of the heights K ∗ q - g.
-    generator = random(3)
+    generator = kit.random(3)
     mask = generator.random(shape) < 0.4
     mask[10:30, 5:25] = True
     q = np.where(mask, generator.uniform(0.1, 1.0, shape), 0.0)
     g = np.where(mask, 0.0, generator.uniform(0.01, 1.0, shape))
-    heights = summed_displacement(q, kernel) - g
+    heights = kit.summed_displacement(q, kernel) - g
     surface = Surface(heights, 1.0)
-    contact = solve(surface, half_space(shape, kernel), heights.max() / surface.Sq, rtol=1e-9)
+    contact = solve(surface, kit.half_space(shape, kernel), heights.max() / surface.Sq, rtol=1e-9)
     assert np.array_equal(contact.contact(), mask)
-    np.testing.assert_allclose(lattice_pressure(contact) * surface.Sq, q, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(kit.lattice_pressure(contact) * surface.Sq, q, rtol=0, atol=1e-6)
     np.testing.assert_allclose(contact.gap() * surface.Sq, g, rtol=0, atol=1e-6)
 
 
 def test_before_touch_there_is_no_contact_and_no_work():
-    surface = fractal(4)
-    apart, touching, pressed = swept(surface, (-1.5, 0.0, 0.7), rtol=TIGHT)
+    surface = kit.fractal(4)
+    apart, touching, pressed = kit.swept(surface, (-1.5, 0.0, 0.7), rtol=TIGHT)
     for contact, indentation in ((apart, -1.5), (touching, 0.0)):
-        check_conditions(contact, surface, "love", 0.0)
+        kit.check_conditions(contact, surface, "love", 0.0)
         assert contact.indentation == indentation
         assert contact.free_volume == contact.separation
         assert contact.iterations == contact.convolutions == contact.convolutions_fp32 == 0
-    assert touching.free_volume == pytest.approx(mean_plane(surface), rel=1e-14)
+    assert touching.free_volume == pytest.approx(kit.mean_plane(surface), rel=1e-14)
     check_exact(pressed, surface, "love")
 
 
 # ---- invariance
 
 
-HEIGHT = fractal(4).heights
-SCALED = [Surface(HEIGHT, fractal(4).spacing * factor) for factor in (1e-250, 3.0, 1e250)]
-SCALED += [Surface(np.ldexp(HEIGHT, exponent), 1.0) for exponent in (-800, 10, 900)]
+HEIGHT = kit.fractal(4).heights
+SCALED = [Surface(HEIGHT, 1e-250), Surface(HEIGHT, 1e250), *(Surface(np.ldexp(HEIGHT, k), 1.0) for k in (-800, 900))]
+SCALED += [Surface(heights, 1.0) for heights in (HEIGHT * 1e-250, HEIGHT * 1e250, HEIGHT + 1e3)]
 
 
-@pytest.mark.parametrize("surface", SCALED)
-def test_lateral_scale_and_height_scale_by_a_power_of_two_change_no_bit(surface):
-    contacts, unscaled = swept(surface, STEPS, rtol=TIGHT), swept(fractal(4), STEPS, rtol=TIGHT)
-    assert np.array_equal(numbers(contacts), numbers(unscaled))
-    for a, b in zip(contacts, unscaled, strict=True):
-        assert np.array_equal(a.pressure(), b.pressure())
-        assert np.array_equal(a.gap(), b.gap())
-
-
-@pytest.mark.parametrize("heights", [*(HEIGHT * 10.0**k for k in (-250, 12, 250)), HEIGHT + 1e3])
-def test_height_scale_and_datum_change_nothing(heights):
-    contacts, unscaled = swept(Surface(heights, 1.0), STEPS, rtol=TIGHT), swept(fractal(4), STEPS, rtol=TIGHT)
-    np.testing.assert_allclose(numbers(contacts), numbers(unscaled), rtol=1e-9)
+@pytest.mark.parametrize(("surface", "to_the_bit"), [(surface, n < 4) for n, surface in enumerate(SCALED)])
+def test_neither_lateral_scale_nor_height_scale_and_datum_change_anything(surface, to_the_bit):
+    """A lateral scale and a power of two change no bit."""
+    contacts, unscaled = kit.swept(surface, STEPS, rtol=TIGHT), kit.swept(kit.fractal(4), STEPS, rtol=TIGHT)
+    near = 0.0 if to_the_bit else 1e-9
+    np.testing.assert_allclose(kit.numbers(contacts), kit.numbers(unscaled), rtol=near)
     for a, b in zip(contacts, unscaled, strict=True):
         assert np.array_equal(a.contact(), b.contact())
-        np.testing.assert_allclose(a.pressure(), b.pressure(), rtol=0, atol=1e-9 * b.pressure().max())
+        np.testing.assert_allclose(a.pressure(), b.pressure(), rtol=0, atol=near * b.pressure().max())
+        assert not to_the_bit or np.array_equal(a.gap(), b.gap())
 
 
-TURNS = [(fractal(4, 2.5, 4), turn) for turn in (np.transpose, np.flipud, np.rot90)]
-TURNS += [(SURFACES[name], np.rot90) for name in ("white noise", "pyramid", "four peaks", "flat")]
-TURNS += [(fractal(5, sides="periodic"), lambda field: np.roll(field, (11, 20), (0, 1)))]
+TURNS = [
+    (kit.fractal(4, 2.5, 4), np.transpose),
+    (SURFACES["white noise"], np.rot90),
+    (SURFACES["four peaks"], np.rot90),
+]
+TURNS += [(kit.fractal(5, sides="periodic"), lambda field: np.roll(field, (11, 20), (0, 1)))]
 
 
 @pytest.mark.parametrize(("surface", "turn"), TURNS)
 def test_turned_surface_has_the_turned_solution(surface, turn):
     """Surfaces that equal their turned selves have a symmetric solution; a period has no origin."""
     turned = Surface(turn(surface.heights), 1.0, sides=surface.sides)
-    for a, b in zip(swept(turned, STEPS, rtol=TIGHT), swept(surface, STEPS, rtol=TIGHT), strict=True):
+    for a, b in zip(kit.swept(turned, STEPS, rtol=TIGHT), kit.swept(surface, STEPS, rtol=TIGHT), strict=True):
         assert np.array_equal(a.contact(), turn(b.contact()))
-        expected = turn(lattice_pressure(b))  # p* is in units of the first axis, which turns too
-        np.testing.assert_allclose(lattice_pressure(a), expected, rtol=0, atol=1e-8 * (1.0 + 1e-3 * expected.max()))
+        expected = turn(kit.lattice_pressure(b))  # p* is in units of the first axis, which turns too
+        np.testing.assert_allclose(kit.lattice_pressure(a), expected, rtol=0, atol=1e-8 * (1.0 + 1e-3 * expected.max()))
         np.testing.assert_allclose(a.gap(), turn(b.gap()), rtol=0, atol=3 * TIGHT + 1e-12)
-
-
-@pytest.mark.parametrize("margin", [((0, 1), (0, 0)), ((0, 0), (7, 4)), ((30, 0), (1, 40))])
-def test_a_margin_too_deep_to_touch_changes_only_the_averages(margin):
-    surface = fractal(4)
-    wide = Surface(np.pad(surface.heights, margin, constant_values=surface.heights.min() - 1e3), 1.0)
-    inner = (slice(margin[0][0], margin[0][0] + 17), slice(margin[1][0], margin[1][0] + 17))
-    for contact in swept(surface, STEPS, rtol=TIGHT):
-        padded = solve(wide, half_space(wide.shape), contact.indentation * surface.Sq / wide.Sq, rtol=1e-13)
-        q = lattice_pressure(padded) * wide.Sq
-        assert np.count_nonzero(q) == np.count_nonzero(q[inner])
-        np.testing.assert_allclose(q[inner], lattice_pressure(contact) * surface.Sq, rtol=0, atol=1e-8)
 
 
 # ---- along a sweep
 
 
-@pytest.mark.parametrize("D", [2.1, 2.9])
-def test_contact_sets_are_nested_pressures_rise_and_gaps_are_convex(D):
-    surface = fractal(4, D)
+def test_contact_sets_are_nested_pressures_rise_and_gaps_are_convex():
+    surface = kit.fractal(4, 2.9)
     steps = tuple(np.linspace(0.2, 6.0, 25))
-    contacts = swept(surface, steps, rtol=1e-11)
-    change = np.diff(numbers(contacts), axis=0)
+    contacts = kit.swept(surface, steps, rtol=1e-11)
+    change = np.diff(kit.numbers(contacts), axis=0)
     assert change[:, 1].min() > 0.0
     assert change[:, 2].max() < 0.0
     # V* falls by less than Δ rises, since the half space gives way, and lies above the rigid d/σ
     assert (change[:, 2] + np.diff(steps)).min() > 0.0
     assert all(c.free_volume > c.separation for c in contacts)
-    for a, b in pairwise(contacts):
+    assert np.diff(change[:, 1]).min() > 0.0  # F(Δ) is convex
+    for a, b, c in zip(contacts, contacts[1:], contacts[2:], strict=False):
         assert not (a.contact() & ~b.contact()).any()
         assert (b.pressure() - a.pressure()).min() >= -1e-8
         # θ = 1: the secant is a lower bound of the next gap: an element open there stays open
-    for a, b, c in zip(contacts, contacts[1:], contacts[2:], strict=False):
         w = [k.gap() for k in (a, b, c)]
         assert (w[0] - 2.0 * w[1] + w[2]).min() >= -1e-10
         predicted = b.contact() | (2.0 * w[1] - w[0] < 1e-10)
         assert not (c.contact() & ~predicted).any()
-        assert b.mean_pressure - a.mean_pressure < c.mean_pressure - b.mean_pressure  # F(Δ) is convex
-
-
-@every_body
-def test_sweep_is_a_solve_at_each_step(sides, kernel):
-    surface = fractal(5, 2.5, sides=sides)
-    space = half_space(surface.shape, kernel, sides)
-    for steps in ((0.3, 0.6, 1.2), (1e-12, 1e-6, 0.3, 0.3 + 1e-9, 2.0, 30.0)):
-        for contact in swept(surface, steps, kernel, rtol=1e-11):
-            alone = solve(surface, space, contact.approach, rtol=1e-11)
-            assert np.array_equal(contact.contact(), alone.contact())
-            np.testing.assert_allclose(lattice_pressure(contact), lattice_pressure(alone), rtol=0, atol=1e-9)
-            assert contact.free_volume == pytest.approx(alone.free_volume, abs=2e-11)
 
 
 def test_sweep_is_lazy_and_does_not_depend_on_what_comes_later():
-    surface, space = fractal(5), HalfSpace((33, 33))
-    asked = []
-
-    def steps():
-        for step in (0.5, 1.0, 1.5):
-            asked.append(step)
-            yield step
-
-    first, second = islice(sweep(surface, space, steps()), 2)
-    assert asked == [0.5, 1.0]
-    whole = list(sweep(surface, space, [0.5, 1.0, 4.0]))
-    assert np.array_equal(first.pressure(), whole[0].pressure())
-    assert np.array_equal(second.pressure(), whole[1].pressure())
-
-
-def test_equal_sweeps_are_equal_to_the_last_bit_and_may_share_a_half_space():
-    surface, other, steps = fractal(5, 2.7), fractal(5, 2.1), (0.2, 1.0, 4.0)
-    fresh = list(sweep(surface, HalfSpace(surface.shape), steps))
-    used = HalfSpace(surface.shape)
+    """Equal sweeps are equal to the last bit, also of two surfaces by turns on a used half space."""
+    surface, other, used = kit.fractal(5, 2.7), kit.fractal(5, 2.1), HalfSpace((33, 33))
+    steps = iter((0.2, 1.0, 4.0))
+    first, second = islice(sweep(surface, HalfSpace((33, 33)), steps), 2)
+    assert list(steps) == [4.0]
     list(sweep(other, used, [0.3, 9.0, 50.0]))
-    together = zip(sweep(surface, used, steps), sweep(other, used, steps), strict=True)
-    for a, (b, _) in zip(fresh, together, strict=True):
+    together = zip(sweep(surface, used, (0.2, 1.0, 9.0)), sweep(other, used, (0.2, 1.0, 9.0)), strict=True)
+    for a, (b, _) in zip((first, second), together, strict=False):
         assert np.array_equal(a.pressure(), b.pressure())
         assert np.array_equal(a.gap(), b.gap())
         assert (a.free_volume, a.residual) == (b.free_volume, b.residual)
 
 
 def test_records_own_their_arrays():
-    surface = fractal(5)
+    surface = kit.fractal(5)
     kept, contacts = [], []
-    for contact in sweep(surface, half_space(surface.shape), (0.5, 1.0, 5.0)):
+    for contact in sweep(surface, kit.half_space(surface.shape), (0.5, 1.0, 5.0)):
         contacts.append(contact)
         kept.append((contact.pressure(), contact.gap(), contact.contact()))
         for array in (contact.pressure(), contact.gap(), contact.contact()):
@@ -283,14 +217,14 @@ def test_records_own_their_arrays():
     for contact, arrays_before in zip(contacts, kept, strict=True):
         for before, now in zip(arrays_before, (contact.pressure(), contact.gap(), contact.contact()), strict=True):
             assert np.array_equal(before, now)
-        check_conditions(contact, surface, "love", 1e-6)
+        kit.check_conditions(contact, surface, "love", 1e-6)
     with pytest.raises(dataclasses.FrozenInstanceError):
         contacts[0].free_volume = 0.0
 
 
 def test_records_count_the_work_of_their_step():
-    surface, space = fractal(5), HalfSpace((33, 33))
-    steps = np.linspace(0.0, mean_plane(surface), 21)[1:]
+    surface, space = kit.fractal(5), HalfSpace((33, 33))
+    steps = np.linspace(0.0, kit.mean_plane(surface), 21)[1:]
     options = {"tuning": Tuning(dense_up_to=0)}
     contacts = list(sweep(surface, space, steps, **options))
     assert sum(c.convolutions for c in contacts) == space.convolutions
@@ -301,25 +235,20 @@ def test_records_count_the_work_of_their_step():
     assert total_work(contacts) < 0.6 * total_work(cold)  # steps profit from the last states
 
 
-@lru_cache
-def compact_or_rough(name):
-    x, noise = np.linspace(-1.0, 1.0, 65), random(2)
-    heights = {
-        "sphere": lambda: -(x[:, None] ** 2) - x**2,
-        "flat": lambda: np.zeros((33, 33)),
-        "plateaus": lambda: noise.integers(0, 4, (15, 52)).astype(float),
-        "white noise": lambda: noise.standard_normal((54, 20)),
-        "fractal": lambda: fractal(5).heights,
-    }
-    return Surface(heights[name](), 1.0)
+LINE = np.linspace(-1.0, 1.0, 65)
+COMPACT_OR_ROUGH = {
+    "sphere": -(LINE[:, None] ** 2) - LINE**2,
+    "plateaus": kit.random(2).integers(0, 4, (15, 52)).astype(float),
+    "white noise": kit.random(2).standard_normal((54, 20)),
+}
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("name", ["sphere", "flat", "plateaus", "white noise", "fractal"])
+@pytest.mark.parametrize("kernel", kit.KERNELS)
+@pytest.mark.parametrize("name", COMPACT_OR_ROUGH)
 def test_any_accuracy_is_reached_and_less_of_it_never_costs_more(name, kernel):
-    work = []
-    for rtol in (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10):
-        contacts = swept(compact_or_rough(name), (0.4, 0.7, 1.5, 12.0, 70.0), kernel, rtol=rtol)
+    work, surface = [], Surface(COMPACT_OR_ROUGH[name], 1.0)
+    for rtol in (1e-1, 1e-3, 1e-6, 1e-10):
+        contacts = kit.swept(surface, (0.4, 0.7, 1.5, 12.0, 70.0), kernel, rtol=rtol)
         assert max(c.residual for c in contacts) <= rtol
         work.append(total_work(contacts))
     # a few more may be needed where a contact set is harder to settle at one accuracy than at a higher one; without the
@@ -331,33 +260,30 @@ def test_any_accuracy_is_reached_and_less_of_it_never_costs_more(name, kernel):
 # ---- other ways to the same answer
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
-def test_a_dense_matrix_can_stand_in_for_the_half_space(kernel):
-    surface, steps = fractal(4, 2.5), (0.3, 0.9, 2.0, 6.0, 40.0)
-    space = DenseHalfSpace(surface.shape, kernel)
+def test_a_dense_matrix_can_stand_in_for_the_half_space():
+    surface, steps = kit.fractal(4, 2.5), (0.3, 2.0, 40.0)
+    space = kit.DenseHalfSpace(surface.shape)
     by_matrix = list(sweep(surface, space, steps, rtol=TIGHT))
-    for a, b in zip(by_matrix, swept(surface, steps, kernel, rtol=TIGHT), strict=True):
-        assert np.array_equal(a.contact(), b.contact())
-        np.testing.assert_allclose(a.pressure(), b.pressure(), rtol=0, atol=1e-8 * b.pressure().max())
-        assert a.free_volume == pytest.approx(b.free_volume, abs=3 * TIGHT)
+    for contact in by_matrix:
+        check_exact(contact, surface, "love")
     assert sum(c.convolutions for c in by_matrix) == space.convolutions > 0
 
 
-@pytest.mark.parametrize(("m", "D"), [(2, 2.1), (3, 2.9), (4, 2.1)])
+@pytest.mark.parametrize(("m", "D"), [(2, 2.1), (4, 2.9)])
 def test_algorithm_of_the_paper_finds_the_same(m, D):
-    surface, steps = fractal(m, D), (0.3, 0.8, 1.9, 4.0, 30.0)
-    fast, paper = (swept(surface, steps, rtol=TIGHT, method=method) for method in ("fast", "paper"))
+    surface, steps = kit.fractal(m, D), (0.3, 0.8, 1.9, 4.0, 30.0)
+    fast, paper = (kit.swept(surface, steps, rtol=TIGHT, method=method) for method in ("fast", "paper"))
     for a, b in zip(fast, paper, strict=True):
-        check_conditions(b, surface, "love", TIGHT)
+        kit.check_conditions(b, surface, "love", TIGHT)
         assert np.array_equal(a.contact(), b.contact())
         np.testing.assert_allclose(a.pressure(), b.pressure(), rtol=0, atol=1e-8 * a.pressure().max())
 
 
-@pytest.mark.parametrize("heights", [fractal(5).heights, np.zeros((17, 17)), np.eye(33)])
+@pytest.mark.parametrize("heights", [kit.fractal(5).heights, np.zeros((17, 17))])
 def test_a_cold_start_in_stages_ends_in_the_same_state(heights):
     surface = Surface(heights, 1.0)
-    (at_once,) = swept(surface, (2.0,), rtol=1e-9)
-    (in_stages,) = swept(surface, (2.0,), rtol=1e-9, tuning=Tuning(cold_up_to=100))
+    (at_once,) = kit.swept(surface, (2.0,), rtol=1e-9)
+    (in_stages,) = kit.swept(surface, (2.0,), rtol=1e-9, tuning=Tuning(cold_up_to=100))
     assert np.array_equal(in_stages.contact(), at_once.contact())
     assert in_stages.mean_pressure == pytest.approx(at_once.mean_pressure, rel=1e-8)
     assert in_stages.residual <= 1e-9
@@ -365,26 +291,23 @@ def test_a_cold_start_in_stages_ends_in_the_same_state(heights):
 
 @pytest.mark.parametrize(("precision", "rtol"), [("mixed", 1e-6), ("double", 1e-10)])
 def test_cut_pressures_may_be_summed_or_convolved(precision, rtol):
-    surface, options = Surface(fractal(6).heights[:, :40], 1.0), {"rtol": rtol, "precision": precision}
+    surface, options = Surface(kit.fractal(6).heights[:, :40], 1.0), {"rtol": rtol, "precision": precision}
     tunings = [Tuning(dense_up_to=8, sum_terms=terms) for terms in (0.0, math.inf)]
-    convolved, summed = (swept(surface, (0.3, 1.0, 2.0, 3.0), tuning=tuning, **options) for tuning in tunings)
+    convolved, summed = (kit.swept(surface, (0.3, 1.0, 2.0, 3.0), tuning=tuning, **options) for tuning in tunings)
     for one, other in zip(convolved, summed, strict=True):
         assert max(one.residual, other.residual) <= rtol
         assert abs(one.free_volume - other.free_volume) <= 2.0 * rtol
     assert total_work(convolved) > total_work(summed)
 
 
-# ---- extremes
-
-
 # ---- parts of an endless plane
 
 
-@pytest.mark.parametrize("kernel", ["love", "punch", "fourier"])
+@pytest.mark.parametrize("kernel", ["punch", "fourier"])
 def test_mean_gap_is_the_separation_up_to_full_contact(kernel):
     """V* = d/σ exactly, Δ is that of the mean planes and ends at z_max, and the approach exceeds it by p*."""
-    surface = fractal(5, 2.4, sides="periodic")
-    contacts = swept(surface, (0.3, 1.0, 3.0, 10.0, 40.0, 1e3), kernel)
+    surface = kit.fractal(5, 2.4, sides="periodic")
+    contacts = kit.swept(surface, (0.3, 1.0, 3.0, 10.0, 40.0, 1e3), kernel)
     for contact in contacts:
         assert contact.free_volume == contact.separation
         assert contact.gap().mean() == pytest.approx(contact.free_volume, abs=1e-6)
@@ -394,39 +317,18 @@ def test_mean_gap_is_the_separation_up_to_full_contact(kernel):
     assert (np.diff([c.indentation for c in contacts]) >= 0.0).all()
 
 
-def test_answer_does_not_depend_on_the_constant_of_the_zero_mode(monkeypatch):
-    """Another constant relabels the approach: the state at equal pressure is the same."""
-    surface = fractal(4, 2.4, sides="periodic")
-    (one,) = swept(surface, (2.0,), rtol=1e-11)
-    monkeypatch.setattr("roughvol.contact.kernels.math.pi", 3.0 * math.pi)
-    other = HalfSpace(surface.shape, sides="periodic")
-    monkeypatch.undo()
-    same = solve(surface, other, one.indentation + 3.0 * one.mean_pressure, rtol=1e-11)
-    assert same.pressure() == pytest.approx(one.pressure(), abs=1e-8)
-    assert same.indentation == pytest.approx(one.indentation, abs=1e-9)
-
-
-def test_two_periods_are_one_twice():
-    surface = fractal(4, 2.4, sides="periodic")
-    double = Surface(np.tile(surface.heights, (2, 1)), surface.spacing, sides="periodic")
-    (one,) = swept(surface, (1.5,), rtol=1e-11)
-    # p* is over L, which is twice as long; the zero mode is that of the longer side
-    (two,) = swept(double, (one.indentation + 2.0 * one.mean_pressure,), rtol=1e-11)
-    assert two.pressure() == pytest.approx(2.0 * np.tile(one.pressure(), (2, 1)), abs=1e-8)
-    assert two.free_volume == pytest.approx(one.free_volume, abs=1e-9)
-
-
-@pytest.mark.parametrize("kernel", ["love", "punch", "fourier"])
-@pytest.mark.parametrize("shape", [(17, 17), (14, 23)])
-@pytest.mark.parametrize("hardness", [None, 4.0])
+@pytest.mark.parametrize(
+    ("kernel", "shape", "hardness"),
+    [("love", (17, 17), None), ("love", (14, 23), 4.0), ("punch", (14, 23), None), ("fourier", (17, 17), 4.0)],
+)
 def test_a_mirrored_surface_is_a_quarter_of_its_period(kernel, shape, hardness):
     """Up and down again: the period of a surface and its mirror images has the same gaps, contacts and pressures."""
-    patch = Surface(self_affine(shape), 1.0, sides="mirrored")
+    patch = Surface(kit.self_affine(shape), 1.0, sides="mirrored")
     period = Surface(np.pad(patch.heights, [(0, n) for n in shape], mode="symmetric"), 1.0, sides="periodic")
     longer = period.side / patch.side  # p* and the hardness are over L
     approaches = (0.4, 1.5, 3.0, 6.0, 2.0)
-    states = swept(patch, approaches, kernel, rtol=1e-12, hardness=hardness)
-    whole = swept(period, approaches, kernel, rtol=1e-12, hardness=hardness and longer * hardness)
+    states = kit.swept(patch, approaches, kernel, rtol=1e-12, hardness=hardness)
+    whole = kit.swept(period, approaches, kernel, rtol=1e-12, hardness=hardness and longer * hardness)
     for one, two in zip(states, whole, strict=True):
         assert (one.approach, one.contact_area_fraction) == (two.approach, two.contact_area_fraction)
         assert np.array_equal(np.pad(one.contact(), [(0, n) for n in shape], mode="symmetric"), two.contact())
@@ -439,26 +341,26 @@ def test_a_mirrored_surface_is_a_quarter_of_its_period(kernel, shape, hardness):
     assert hardness is None or states[-1].plastic_volume > 0.0
 
 
-@pytest.mark.parametrize("shape", [(64, 64), (75, 50), (37, 96), (61, 17)])
+@pytest.mark.parametrize("shape", [(64, 64), (61, 17)])
 def test_seams_take_no_more_iterations_than_the_middle(shape):
-    """Sides that are multiples of 8, of 64, or neither; the surface is rolled so that its peak lies on the corner."""
-    heights = self_affine(shape)
+    """Sides that are multiples of 8 or not; the surface is rolled so that its peak lies on the corner."""
+    heights = kit.self_affine(shape)
     top = np.unravel_index(heights.argmax(), shape)
     iterations = []
     for shift in (-top[0], -top[1]), (shape[0] // 2 - top[0], shape[1] // 2 - top[1]):
         surface = Surface(np.roll(heights, shift, (0, 1)), 1.0, sides="periodic")
-        iterations.append(sum(contact.iterations for contact in swept(surface, tuple(0.8 * np.arange(1, 11)))))
+        iterations.append(sum(contact.iterations for contact in kit.swept(surface, tuple(0.8 * np.arange(1, 11)))))
     assert iterations[0] <= 1.3 * iterations[1] + 20
 
 
 # 0.11.1 ended without convergence on all of these: one or two thousand iterations, or a residual that was no number
 @pytest.mark.parametrize(("shape", "kernel"), [((17, 17), "love"), ((74, 15), "fourier"), ((133, 133), "love")])
 def test_periods_of_any_sides_converge_wherever_they_begin(shape, kernel):
-    surface = Surface(self_affine(shape, longest=4.0, hurst=0.3, seed=1), 1.0, sides="periodic")
+    surface = Surface(kit.self_affine(shape, longest=4.0, hurst=0.3, seed=1), 1.0, sides="periodic")
     rolled = Surface(np.roll(surface.heights, (5, 3), (0, 1)), 1.0, sides="periodic")
     ends = []
     for approach in (5.0, 60.0):
-        one, other = (solve(each, half_space(shape, kernel, "periodic"), approach) for each in (surface, rolled))
+        one, other = (solve(each, kit.half_space(shape, kernel, "periodic"), approach) for each in (surface, rolled))
         assert max(one.residual, other.residual) <= 1e-6
         assert one.free_volume == pytest.approx(other.free_volume, abs=2e-6)
         assert max(one.iterations, other.iterations) < 60
@@ -478,58 +380,51 @@ FLAWED = [
     ({"pressure_error": 0.2}, r"pressure_error is 0.2.*<= 0.1"),
     *(({"at": at}, rf"indentation is {at}.*finite") for at in (math.nan, math.inf, -math.inf)),
     ({"space": (9, 10)}, r"\(9, 9\).*\(9, 10\)"),
-    ({"surface": fractal(3, sides="periodic"), "space": (8, 8)}, "the surface is periodic, the half space free"),
-    ({"surface": fractal(7), "space": (129, 129), "method": "paper"}, r"65.*\(129, 129\)"),
+    ({"surface": kit.fractal(3, sides="periodic"), "space": (8, 8)}, "the surface is periodic, the half space free"),
+    ({"surface": kit.fractal(7), "space": (129, 129), "method": "paper"}, r"65.*\(129, 129\)"),
     ({"at": 3.0, "rtol": 1e-18}, "rtol is 1e-18 at the indentation 3; allowed: at least 1e-15"),
 ]
 
 
 @pytest.mark.parametrize(("flaw", "words"), FLAWED)
 def test_refused(flaw, words):
-    given = {"surface": fractal(3), "space": (9, 9), "at": 1.0} | flaw
+    given = {"surface": kit.fractal(3), "space": (9, 9), "at": 1.0} | flaw
     surface, space, at = (given.pop(name) for name in ("surface", "space", "at"))
     with pytest.raises(ContactError, match=words):
-        solve(surface, half_space(space), at, **given)
+        solve(surface, kit.half_space(space), at, **given)
 
 
 @pytest.mark.parametrize("steps", [(1.0, 1.0), (1.0, 2.0, 1.5, 1.5), (0.0, 0.0), (-1.0, -1.0), (0.5, 1.0, math.nan)])
 def test_an_indentation_twice_is_refused_after_the_records_before(steps):
-    contacts = sweep(fractal(3), half_space((9, 9)), steps)
+    contacts = sweep(kit.fractal(3), kit.half_space((9, 9)), steps)
     assert [next(contacts).indentation for _ in steps[:-1]] == list(steps[:-1])
     with pytest.raises(ContactError, match=rf"indentation is {steps[-1]}.*not {steps[-2]:g}, that of the state before"):
         next(contacts)
-
-
-def test_unreachable_residual_is_an_error_that_carries_its_numbers():
-    surface = fractal(5)
-    with pytest.raises(ConvergenceError) as caught:
-        solve(surface, half_space(surface.shape), 30.0, rtol=1.25e-14)
-    for error in (caught.value, pickle.loads(pickle.dumps(caught.value))):
-        assert error.indentation == 30.0
-        assert error.iterations >= 1
-        assert 1.25e-14 < error.residual < 3e-12  # it came as far as rounding allows
-        assert "indentation 30" in str(error)
-    # and the half space is as good as before
-    check_conditions(solve(surface, half_space(surface.shape), 3.0), surface, "love", 1e-6)
 
 
 TIGHTEST = {"dense_up_to": 8, "single_from": 0.0}  # one round with 32-bit directions leaves more than 1e-13
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("indentation", "rtol", "options", "words", "most"),
     [
-        ({"rtol": 1e-13, "tuning": Tuning(**TIGHTEST, iterations=1)}, "not converged"),
-        ({"rtol": 1e-13, "tuning": Tuning(**TIGHTEST, rounds=1)}, "not converged"),
-        ({"method": "paper", "tuning": Tuning(gauss_seidel=1)}, "Gauss-Seidel not converged"),
+        (30.0, 1.25e-14, {}, "not converged", 3e-12),  # it came as far as rounding allows
+        (1.0, 1e-13, {"tuning": Tuning(**TIGHTEST, iterations=1)}, "not converged", math.inf),
+        (1.0, 1e-13, {"tuning": Tuning(**TIGHTEST, rounds=1)}, "not converged", math.inf),
+        (1.0, 1e-6, {"method": "paper", "tuning": Tuning(gauss_seidel=1)}, "Gauss-Seidel not converged", math.inf),
     ],
 )
-def test_a_solve_given_up_is_an_error_that_carries_its_numbers(options, words):
+def test_an_unreachable_residual_is_an_error_that_carries_its_numbers(indentation, rtol, options, words, most):
+    surface = kit.fractal(5)
     with pytest.raises(ConvergenceError, match=words) as caught:
-        solve(fractal(5), half_space((33, 33)), 1.0, **options)
-    assert caught.value.indentation == 1.0
-    assert caught.value.iterations >= 1
-    assert caught.value.residual > 1e-13
+        solve(surface, kit.half_space(surface.shape), indentation, rtol=rtol, **options)
+    for error in (caught.value, pickle.loads(pickle.dumps(caught.value))):
+        assert error.indentation == indentation
+        assert error.iterations >= 1
+        assert rtol < error.residual < most
+        assert f"indentation {indentation:g}" in str(error)
+    # and the half space is as good as before
+    kit.check_conditions(solve(surface, kit.half_space(surface.shape), 3.0), surface, "love", 1e-6)
 
 
 def test_a_contact_set_that_goes_in_circles_is_left_to_conjugate_gradients(monkeypatch):
@@ -537,36 +432,17 @@ def test_a_contact_set_that_goes_in_circles_is_left_to_conjugate_gradients(monke
     def wrong(factor, b, **_):
         return np.where(np.arange(b.size) % 2, -1.0, 1e-9) if b.size == whole else np.full(b.size, 1e-9)
 
-    surface = fractal(4)
-    whole = np.count_nonzero(scaled_overlap(surface, 1.0) > 0.0)
+    surface = kit.fractal(4)
+    whole = np.count_nonzero(kit.scaled_overlap(surface, 1.0) > 0.0)
     assert 8 < whole <= Tuning().dense_up_to
-    expected = solve(surface, half_space(surface.shape), 1.0, rtol=1e-9)
+    expected = solve(surface, kit.half_space(surface.shape), 1.0, rtol=1e-9)
     monkeypatch.setattr(active_set.linalg, "cho_solve", wrong)
-    found = solve(surface, half_space(surface.shape), 1.0, rtol=1e-9)
+    found = solve(surface, kit.half_space(surface.shape), 1.0, rtol=1e-9)
     assert found.iterations > expected.iterations
     assert found.mean_pressure == pytest.approx(expected.mean_pressure, rel=1e-8)
 
 
 # ---- solved cases
-
-
-@pytest.mark.slow
-def test_stored_case_is_what_the_oracle_says():
-    states = solved_case(STORED["heights"], [state["indentation"] for state in STORED["states"]])
-    for state, stored in zip(states, STORED["states"], strict=True):
-        assert state == pytest.approx(stored, rel=1e-12)
-
-
-@pytest.mark.parametrize("method", ["fast", pytest.param("paper", marks=pytest.mark.slow)])
-def test_stored_case_is_solved(method):
-    surface, states = Surface(STORED["heights"], 1.0), STORED["states"]
-    contacts = swept(surface, tuple(state["indentation"] for state in states), rtol=1e-6, method=method)
-    assert len(contacts) == len(states) > 4
-    for contact, state in zip(contacts, states, strict=True):
-        assert contact.contact().sum() == state["contact_elements"]
-        assert contact.mean_pressure == pytest.approx(state["mean_pressure"], rel=1e-6)
-        # relative while V* is of the order of σ; near full contact η bounds the absolute error
-        assert contact.free_volume == pytest.approx(state["free_volume"], rel=1e-6, abs=contact.residual)
 
 
 def reference_states():
@@ -577,8 +453,8 @@ def reference_states():
             pressure = case["pressure"][number] * surface.side / (E_star * surface.Sq)
             yield surface, float(case["delta"][number]) / surface.Sq, pressure, case["gap"][number] / surface.Sq
     for name in (f"m{m}_D2.3_seed0_frac{fraction}.npz" for m in (5, 6) for fraction in (0.5, 1.0)):
-        if (REFERENCE / name).exists():
-            with np.load(REFERENCE / name) as case:
+        if (kit.REFERENCE / name).exists():
+            with np.load(kit.REFERENCE / name) as case:
                 surface = Surface(case["z"], float(case["dx"]))
                 pressure = case["pressure"] * float(case["L"]) / surface.Sq
                 yield surface, float(case["delta"]) / surface.Sq, pressure, case["gap"] / surface.Sq
@@ -586,12 +462,9 @@ def reference_states():
 
 def test_reference_states_are_solved():
     for surface, indentation, expected, gap in reference_states():
-        (contact,) = swept(surface, (indentation,), rtol=1e-6)
+        (contact,) = kit.swept(surface, (indentation,), rtol=1e-6)
         assert np.array_equal(contact.contact(), expected > 0.0)
         assert contact.mean_pressure == pytest.approx(expected.mean(), rel=1e-6)
         assert contact.free_volume == pytest.approx(gap.mean(), rel=1e-6)
         np.testing.assert_allclose(contact.pressure(), expected, rtol=0, atol=1e-5 * expected.max())
         np.testing.assert_allclose(contact.gap(), gap, rtol=0, atol=1e-5)
-
-
-# ---- at the paper's size

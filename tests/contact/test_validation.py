@@ -103,6 +103,7 @@ def test_round_bodies_converge_to_their_closed_forms(name, nodes):
     assert (found[1:] < 0.75 * found[:-1]).all()
 
 
+@lru_cache
 def square_punch_compliance(nodes):
     """Δ E* l / F of a flat square of l = N δ: the elements reach half a spacing beyond the outermost nodes."""
     _, _, _, force = pressed(np.zeros((nodes, nodes)), 1.0, rtol=1e-9)
@@ -126,7 +127,7 @@ def test_square_punch_converges_to_the_plate():
     assert (4.0 * second - first) / 3.0 == pytest.approx(closed_forms.SQUARE_PUNCH_COMPLIANCE, rel=2e-5)
 
 
-@pytest.mark.parametrize("shape", [(33, 33), (17, 65), (50, 36)])
+@pytest.mark.parametrize("shape", [(17, 33), (50, 36)])
 def test_the_bowl_of_a_loaded_rectangle_is_pressed_uniformly(shape):
     # Full contact with a known answer on every lattice: the rectangle is the sum of its elements without error.
     spacing = 1.0 / (shape[0] - 1)
@@ -146,12 +147,12 @@ def test_the_bowl_of_a_loaded_rectangle_is_pressed_uniformly(shape):
 GAPS = {0.1: 0.34011294, 0.2: 0.14366227, 0.25: 0.07671320, 0.3: 0.03403226, 0.4: 0.00235590, 0.45: 0.00015095}
 
 
-@pytest.mark.parametrize(("ratio", "mean_gap"), GAPS.items())
-def test_westergaards_mean_gap(ratio, mean_gap):
+def test_westergaards_mean_gap():
     x = (np.arange(200_000) + 0.5) / 200_000
-    wave = closed_forms.westergaard(x, ratio, 0.01, 1.0)
-    assert wave.gap.mean() / 0.02 == pytest.approx(mean_gap, abs=2e-8)
-    assert wave.pressure.mean() == pytest.approx(wave.mean_pressure, rel=1e-6)
+    for ratio, mean_gap in GAPS.items():
+        wave = closed_forms.westergaard(x, ratio, 0.01, 1.0)
+        assert wave.gap.mean() / 0.02 == pytest.approx(mean_gap, abs=2e-8)
+        assert wave.pressure.mean() == pytest.approx(wave.mean_pressure, rel=1e-6)
 
 
 def wave_errors(n, kernel, ratio=0.25):
