@@ -172,19 +172,6 @@ def test_the_paper_s_method_finds_the_same():
         assert paper == pytest.approx(fast, rel=1e-5)
 
 
-def test_what_is_found_for_a_condition_is_where_it_begins():
-    """The middle of the surface comes into contact: a condition on single elements, as percolation is."""
-    surface, space = kit.fractal(5, 2.6), kit.half_space((33, 33))
-
-    def touched(contact):
-        return bool(contact.contact()[14:19, 14:19].any())
-
-    found = first_indentation(surface, space, touched, accuracy=1e-6)
-    at, short = (solve(surface, space, found * f, rtol=1e-10) for f in (1.0, 1.0 - 1e-4))
-    assert touched(at)
-    assert not touched(short)
-
-
 # ---- on a leg of a path
 
 

@@ -12,9 +12,9 @@ from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve
 from roughvol.contact.search import first_indentation
 from roughvol.gap import clusters, transport
-from roughvol.observables import levels, requests
+from roughvol.observables import levels
 from roughvol.observables.variables import AXES
-from roughvol.study import Level, Record, loads
+from roughvol.study import Level, loads
 from tests.observables.kit import case_of, states_of
 
 ALL = """
@@ -114,14 +114,6 @@ def test_the_word_percolation_means_both(case):
 def test_what_is_recorded_changes_the_id():
     ids = {case_of(text).id for text in ("", "record: {region: interior}", "record: {transport: {percolation: last}}")}
     assert len(ids) == 3
-
-
-def test_levels_are_by_quantity():
-    asked = Record.model_validate({"transport": {"percolation": "every-step", "constriction": {"step": [1, 2]}}})
-    assert requests.timed(asked) == {
-        "percolation": None,
-        "constriction": {"step=1": Level("step", 1), "step=2": Level("step", 2)},
-    }
 
 
 @pytest.mark.slow
