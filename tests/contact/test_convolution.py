@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
 import pytest
 
-from roughvol.contact import convolution
 from roughvol.contact.convolution import Superposition
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.options import Tuning
@@ -37,17 +35,6 @@ def test_neither_threads_nor_copies_of_rows_and_columns_change_a_bit(sides, othe
 
     plain = Tuning() if sides == "free" else other
     assert np.array_equal(displacements(threads, other), displacements(1, plain))
-
-
-@pytest.mark.parametrize("together", [1, 8])
-def test_parts_cover_all_and_are_multiples(together):
-    for count, size in itertools.product((1, 7, 8, 9, 129, 4097), (16, 4096, 131072, 2**20)):
-        parts = convolution.parts(count, size, 2**18, together)
-        assert np.array_equal(np.concatenate([np.arange(part.start, part.stop) for part in parts]), np.arange(count))
-        lengths = [part.stop - part.start for part in parts]
-        assert len(set(lengths[:-1])) <= 1
-        assert all(length % together == 0 for length in lengths[:-1])
-        assert max(lengths) <= 1.5 * max(together, 2 * 2**18 / size)
 
 
 def loaded(shape, count):

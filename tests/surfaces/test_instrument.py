@@ -48,7 +48,8 @@ def test_text_that_the_library_would_join_or_cut_is_refused(tmp_path):
         refused(put(tmp_path / "z.txt", text), r"line 1 is not understood: '# Breite: 3 µm'")
 
 
-@pytest.mark.parametrize(("suffix", "size"), [(".al3d", 0), (".sur", 512), (".x3p", 2), (".hgt", 512), ("", 512)])
+@pytest.mark.parametrize("suffix", [".al3d", ".sur", ".x3p", ".hgt", ".nms", ""])
+@pytest.mark.parametrize("size", [0, 2, 512])
 def test_what_no_instrument_wrote_is_refused_by_name(tmp_path, suffix, size):
     path = put(tmp_path / f"noise{suffix}", np.random.default_rng(size).bytes(size))
     if suffix == ".hgt" and size == 512:  # a square of 16-bit numbers is all that this format is
@@ -63,7 +64,7 @@ def test_a_damaged_file_is_read_or_refused(tmp_path, suffix):
     whole = (put(path, ISO) if suffix == ".sdf" else library(path)).read_bytes()
     chance = random.Random(7)
     read = 0
-    for _ in range(6):
+    for _ in range(25):
         damaged = bytearray(whole)
         if chance.random() < 0.3:
             del damaged[chance.randrange(len(damaged)) :]
@@ -75,7 +76,7 @@ def test_a_damaged_file_is_read_or_refused(tmp_path, suffix):
             heights = reading.read(path, holes=True)
             assert (heights.dtype, heights.ndim) == (np.float64, 2)
             read += 1
-    assert read < 6
+    assert read < 25
 
 
 def test_a_library_prints_nothing_about_a_damaged_file(tmp_path, monkeypatch, capsys):
@@ -189,10 +190,7 @@ def test_a_channel_that_is_no_heights_by_its_name_is_refused(tmp_path):
         refused(path, "Deflection holds no heights, by its name; channels of heights: 1: Topography, 2: Height", named)
     refused(path, r"has no channel 'z'; channels .*0: Deflection \(no heights\), 1: Topography \(height\)", "z")
     refused(_gwyddion(path, "Deflection"), "holds no heights, by its name; channels of heights: none")
-
-
-def test_two_channels_of_one_name_are_told_apart_by_number(tmp_path):
-    path = _gwyddion(tmp_path / "z.gwy", "Topography", "Topography")
+    _gwyddion(path, "Topography", "Topography")  # told apart by number
     refused(path, r"several channels 'Topography', give the number; .*0: Topo.*1: Topo", "Topography")
     assert np.allclose(reading.read(path, "1") * 1e6, 2.0 * HEIGHTS)
 
