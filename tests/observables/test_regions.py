@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from roughvol.campaign import execution
 from roughvol.campaign.one_case import run_case
-from roughvol.errors import ContactError, StudyError
+from roughvol.errors import StudyError
 from roughvol.gap import clusters
 from roughvol.observables import regions
 from roughvol.study import loads
@@ -58,12 +58,6 @@ def test_a_level_of_free_volume_is_found_in_a_region_below_the_mean_plane():
     found = answer(text + record)
     assert found.free_volume[0] < 2.5
     assert float(found.field_at_free_volume) == pytest.approx(2.5, rel=5e-6)
-
-
-def test_a_free_volume_of_a_region_before_the_first_touch_is_refused():
-    text = "surface: {D: 2.3, m: 4, seeds: [1]}\nsweep: {to: {free_volume: 9.0}}\nrecord: {region: interior}"
-    with pytest.raises(ContactError, match="before the first touch; allowed: below"):
-        answer(text)
 
 
 @pytest.mark.parametrize("axis", ["x", "y"])

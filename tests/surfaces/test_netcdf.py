@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
-from height_files import HEIGHTS, HOLES, library, netcdf, refused, same
+from height_files import HEIGHTS, HOLES, netcdf, refused, same
 from netCDF4 import Dataset
 
 from roughvol.surfaces.files import reading
@@ -114,8 +114,3 @@ def test_scaled_integers_are_unpacked_and_their_mask_is_kept(tmp_path):
     same(tmp_path / "z.nc", expected, holes=True)
     netcdf(tmp_path / "z.nc", z=np.ma.masked_array(np.arange(30).reshape(6, 5), HOLES))
     same(tmp_path / "z.nc", 2.0 * (expected - 10.0), holes=True)
-
-
-def test_what_the_library_writes_has_its_size_and_unit(tmp_path):
-    found = reading.describe(library(tmp_path / "z.nc", np.ma.masked_array(HEIGHTS, HOLES)))
-    assert (found.sides, found.unit, found.heights_unit) == ((2.5, 2.0), "um", "um")
