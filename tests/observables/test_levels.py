@@ -13,9 +13,10 @@ from roughvol.contact.loading import solve
 from roughvol.observables import reduction
 from roughvol.observables.regions import within
 from roughvol.study import loads
+from roughvol.surfaces import texture
 from tests.observables.kit import answer
 
-DIMS = ("field_at", "density_at", "box_at", "flux_at")
+DIMS = ("field_at", "density_at", "box_at", "flux_at", "texture_at")
 STUDY = """
 surface: {{D: 2.4, m: {m}, seeds: [3]}}
 sweep: {{steps: {steps}, to: {to}}}
@@ -86,11 +87,13 @@ def test_equal_levels_are_solved_once():
     one, _ = pressed("fields_at: {pressure: 0.5}")
     several, _ = pressed(
         "fields_at: {pressure: 0.5}, box_counting: {at: {pressure: 0.5}}, volume_density: {at: {pressure: 0.5}}, "
-        "transport: {flux_at: {pressure: 0.5}}"
+        "transport: {flux_at: {pressure: 0.5}}, texture: {at: {pressure: 0.5}}"
     )
     assert float(one.level_convolutions) == float(several.level_convolutions) > 0
     states = [state(several, "pressure=0.5", dim) for dim in DIMS]
     assert all(other == states[0] for other in states)
+    heights = -several.gap.values[0] * float(several.Sq)
+    assert float(several.Ssk_loaded[0]) == texture.Ssk(heights)
 
 
 def test_levels_on_a_step_are_that_step():
