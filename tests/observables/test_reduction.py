@@ -42,10 +42,8 @@ def values(case, contacts):
 def test_a_level_is_the_first_state_that_reaches_it(values, contacts):
     areas = np.array([contact.contact_area_fraction for contact in contacts])
     first = 1 + int(np.argmax(areas >= 0.01))
-    labels = ["step=3", "step=8", "contact_area=0.01", "separation=-50"]
-    assert dict(zip(values["field_at"], values["field_at_step"], strict=True)) == dict(
-        zip(labels, [3, 8, first, -1], strict=True)
-    )
+    found = dict(zip(values["field_at"], values["field_at_step"], strict=True))
+    assert found == {"step=3": 3, "step=8": 8, "contact_area=0.01": first, "separation=-50": -1}
     assert values["box_at_step"] == [4]
     assert values["density_at_step"] == [STEPS]
 
@@ -90,9 +88,7 @@ def test_rounding_does_not_decide_a_level(case, level, state, expected):
 
 def test_the_end_of_a_sweep_reaches_what_it_was_asked_to_end_at():
     case = loads("surface: {D: 2.4, m: 4, seeds: 1}\nsweep: {steps: 5, to: {contact_area: 0.1}}").cases()[0]
-    short = SimpleNamespace(
-        contact_area_fraction=0.1 - 1 / 17**2
-    )  # one element that a finite residual leaves undecided
+    short = SimpleNamespace(contact_area_fraction=0.1 - 1 / 17**2)  # a finite residual leaves an element undecided
     assert levels.reached(Level("contact_area", 0.1), 5, short, case)
     assert not levels.reached(Level("contact_area", 0.1), 4, short, case)
     assert not levels.reached(Level("contact_area", 0.2), 5, short, case)
@@ -100,16 +96,9 @@ def test_the_end_of_a_sweep_reaches_what_it_was_asked_to_end_at():
 
 def test_nothing_that_was_not_asked_for_is_kept(contacts):
     case = case_of("sweep: {steps: 8}")
-    kept = set(reduced(case, contacts))
+    kept, of_surface = set(reduced(case, contacts)), set(reduction.of_surface(case, surface_of(case)))
     assert kept == {*reduction.PER_STEP, "step", "central_pressure_ratio"}
-    assert set(reduction.of_surface(case, surface_of(case))) == {
-        "Sq",
-        "Sdq",
-        "z_max",
-        "hurst_measured",
-        "nodes_x",
-        "nodes_y",
-    }
+    assert of_surface == {"Sq", "Sdq", "z_max", "hurst_measured", "nodes_x", "nodes_y"}
     case = case_of("sweep: {steps: 8}\nrecord: {transport: {constriction: last}}")
     more = {"axis", "coordinate", "transport_time", "observable", "observable_time"}
     assert set(reduced(case, contacts)) - kept == more | {"critical_gap", "critical_position"}
