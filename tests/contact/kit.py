@@ -1,7 +1,5 @@
 """What the tests of the solver share: surfaces and half spaces, and slow counterparts for some hundred elements."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import lru_cache

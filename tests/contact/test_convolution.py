@@ -1,7 +1,5 @@
 """The convolution: its parts and copies, which change no bit; and sums of few loaded elements in place of it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The mirrored convolution against cosine transforms of scipy, and the period of a patch and its images."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

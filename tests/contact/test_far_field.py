@@ -1,7 +1,5 @@
 """The far field of the approximate inverse: positive definite on any grid and contact, and against dense matrices."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 from unittest.mock import Mock

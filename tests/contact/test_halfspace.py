@@ -1,7 +1,5 @@
 """The half space against the matrix of its coefficients, its windows, and its counters."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Kernels against quadrature and sums over images, their laws, and the inverse that the prediction rests on."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """Contact laws: the rigid wall and the hardness, the laws of loading and unloading, and paths by a dense oracle."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

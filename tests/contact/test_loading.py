@@ -1,7 +1,5 @@
 """The contact problem: its conditions, an exact oracle, and the laws that every sweep obeys."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import pickle

@@ -1,7 +1,5 @@
 """The near field of the approximate inverse against its definition, and its dominant rows."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The constants of the solver."""
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 import re

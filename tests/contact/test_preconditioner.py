@@ -1,7 +1,5 @@
 """The approximate inverse: who is expected in contact, and sweeps with any constants or a wrong inverse."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

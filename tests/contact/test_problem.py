@@ -1,7 +1,5 @@
 """What a residual η bounds: the errors of V* and p*, by theorem with Love's kernel and by measurement with others."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The linear response of a contact: against dense matrices, and against the change of solved contacts."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

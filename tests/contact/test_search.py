@@ -1,7 +1,5 @@
 """Searches for an indentation: they find the smallest one, with few solves, between bounds that hold."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """What the tests of the gap share: gaps, drawn by hand, over rough surfaces, and of one period."""
 
-from __future__ import annotations
-
 from collections import deque
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Aggregates of elements, and their graph, against dense matrices."""
 
-from __future__ import annotations
-
 import errno
 from unittest.mock import Mock
 

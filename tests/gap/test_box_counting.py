@@ -1,7 +1,5 @@
 """Box counts of sets whose dimension is known, and against a plain loop over boxes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Clusters: hand-drawn voids, a search from element to element, and periods joined at their sides."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal

@@ -1,7 +1,5 @@
 """Pressure of a fluid in the gap: its flow is that of the conduction, and its change is a derivative."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

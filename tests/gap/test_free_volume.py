@@ -1,7 +1,5 @@
 """Element volumes, the density and its integral, the domains and their order."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Flow of a gas: kinetic theory, closed forms from viscous to free molecular flow, and laws of the throughput."""
 
-from __future__ import annotations
-
 import itertools
 from functools import partial
 from itertools import pairwise

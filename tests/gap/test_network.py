@@ -1,7 +1,5 @@
 """The linear problem of a flow: conjugate gradients against the factorisation, and the error that they state."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

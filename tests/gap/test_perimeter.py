@@ -1,7 +1,5 @@
 """The perimeter of contact against a count by hand, and the area it corrects against circles of known area."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

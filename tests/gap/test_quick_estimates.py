@@ -1,7 +1,5 @@
 """Quick estimates of the flow: the equation of the medium, its threshold, and closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

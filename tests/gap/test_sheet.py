@@ -1,7 +1,5 @@
 """Sheets of patches: duality, limits, bounds, and the threshold of closed patches."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Transport: brute-force searches, closed forms of the flow, symmetries, periods, and extreme contrasts."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cases of a small surface, their states, and what is reduced of them."""
 
-from __future__ import annotations
-
 from roughvol.campaign.case_surface import surface_of
 from roughvol.campaign.one_case import run_case
 from roughvol.contact.halfspace import HalfSpace

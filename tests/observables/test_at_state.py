@@ -1,7 +1,5 @@
 """Quantities between the steps of a sweep."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.testing import assert_allclose
 

@@ -1,7 +1,5 @@
 """Closing loads that are solved: against the end of percolation of a sweep, between steps and beyond them."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Fluid pressure that lifts a seal: laws of the coupled state, and the wavy channel."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

@@ -1,7 +1,5 @@
 """Estimators of one period: numbers do not depend on the node at which the period begins."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Texture and spectrum before load and under load: the deformed surface, its region, and what a study asks for."""
 
-from __future__ import annotations
-
 import json
 import math
 

@@ -1,7 +1,5 @@
 """Central regions of several widths: what is inside them, from one solution; and the cost of what is recorded."""
 
-from __future__ import annotations
-
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 

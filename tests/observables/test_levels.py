@@ -1,7 +1,5 @@
 """States at levels between two steps: they are at the level, hold their own numbers and disturb no step."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal

@@ -1,7 +1,5 @@
 """A mirrored surface is a quarter of the joint that it makes with its mirror images, in every number of a study."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

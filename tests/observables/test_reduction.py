@@ -1,7 +1,5 @@
 """What is kept of a sweep: the right state for every level, and numbers that belong to that state."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The region that a study observes: its numbers, its levels, and regions of too few elements."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

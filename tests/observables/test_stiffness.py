@@ -1,7 +1,5 @@
 """Interfacial stiffness: exact for an exponential, second order for a power; the contact conductance that follows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose

@@ -1,7 +1,5 @@
 """The table of variables names the function of every row; where one call gives the value, that value is stored."""
 
-from __future__ import annotations
-
 import dataclasses
 import pkgutil
 

@@ -1,7 +1,5 @@
 """Transport in studies: what is asked for, at its steps, of its region; and sweeps that end where the void closes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal

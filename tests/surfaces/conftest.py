@@ -1,7 +1,5 @@
 """What the tests of height files share: a library that looks less long for points."""
 
-from __future__ import annotations
-
 import functools
 import inspect
 import warnings

@@ -3,8 +3,6 @@
 Heights have x as their first axis; y rises with the second. NaN is a missing height.
 """
 
-from __future__ import annotations
-
 import io
 import struct
 

@@ -1,7 +1,5 @@
 """Files of instruments: heights, holes, size and unit are kept, and a file without a map is refused by name."""
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import random

@@ -1,7 +1,5 @@
 """Measured bodies: read, treated and added as a study says, and pressed as the surface that comes out."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random midpoint displacement against a plain loop fed with the same stream."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """NetCDF: names of dimensions give the axes, coordinates the size; what is no map of numbers is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

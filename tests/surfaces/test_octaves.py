@@ -1,7 +1,5 @@
 """Variance of the heights by octave of waves, along x and along y."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.testing import assert_allclose
 

@@ -1,7 +1,5 @@
 """The measured density: of a period exactly, of a patch under a window."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One scan in every format: the same heights, axes, size and unit; a file without a height field is refused by name."""
 
-from __future__ import annotations
-
 import pickle
 import sys
 import tempfile

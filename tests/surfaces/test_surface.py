@@ -1,7 +1,5 @@
 """The record of a surface: its own read-only heights, their root mean square at any scale, and what it refuses."""
 
-from __future__ import annotations
-
 import math
 import pickle
 

@@ -1,7 +1,5 @@
 """Grids of Surfer: text, Surfer 6 and Surfer 7, written as their descriptions have them, and read back."""
 
-from __future__ import annotations
-
 import struct
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Text of other programs: faults are refused by line, and no row is lost or taken for heights."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from height_files import GWYDDION, HEIGHTS, HOLED, POINTS, case_of, put, refused, rows, same

@@ -1,7 +1,5 @@
 """ISO 25178-2 numbers against closed forms, indices against the Gaussian, exponents against the known surfaces."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

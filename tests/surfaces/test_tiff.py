@@ -1,7 +1,5 @@
 """TIFF: one grey value a pixel, sizes from tags that are no defaults of printers, marks in the type of values."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import tifffile

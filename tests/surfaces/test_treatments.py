@@ -1,7 +1,5 @@
 """Treatments of measured heights: closed forms, slow and obvious oracles, and refusals."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Surfaces with a spectrum: the density, the amplitude, the nested grids, the skewness, and moments in closed form."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
