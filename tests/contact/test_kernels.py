@@ -13,6 +13,7 @@ from roughvol.contact.loading import solve, sweep
 from roughvol.contact.search import indentation_for
 from roughvol.errors import ContactError
 from tests.contact.kit import coefficients, dense, dense_matrix, every_body, fractal, half_space, love_influence, random
+from tests.refused import refusals
 
 EPS = np.finfo(float).eps
 
@@ -168,20 +169,15 @@ def test_kernel_on_the_torus_is_positive_definite(kernel, nodes):
     assert eigenvalues.real.min() > {"love": 1.8, "punch": 0.25}[kernel]
 
 
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: love_kernel(-1.0, 0.0), ">= 0"),
-        (lambda: love_kernel([0.0, 1.0], [[2.0], [-1e-9]]), ">= 0"),
-        (lambda: kernel_of("boussinesq"), r"'boussinesq'.*allowed: love, punch, fourier"),
-        (lambda: HalfSpace((8, 8), "hertz", sides="periodic"), r"'hertz'.*allowed: love, punch, fourier"),
-        (lambda: HalfSpace((9, 9), "fourier"), "allowed on a free patch: love, punch"),
-        (lambda: HalfSpace((9, 9), layer(2.0, 0.5)), "kernel is 'layer'; allowed on a free patch"),
-        (lambda: layer(0.0, 0.5, False), "thickness of 0 spacings.*allowed: thickness > 0"),
-        (lambda: layer(0.2, 0.5), "thickness of 0.2 spacings.*allowed: thickness >= 0.25"),
-        (lambda: layer(1.0, 0.6), "nu = 0.6"),
-    ],
+test_refused = refusals(
+    ContactError,
+    (lambda: love_kernel(-1.0, 0.0), ">= 0"),
+    (lambda: love_kernel([0.0, 1.0], [[2.0], [-1e-9]]), ">= 0"),
+    (lambda: kernel_of("boussinesq"), r"'boussinesq'.*allowed: love, punch, fourier"),
+    (lambda: HalfSpace((8, 8), "hertz", sides="periodic"), r"'hertz'.*allowed: love, punch, fourier"),
+    (lambda: HalfSpace((9, 9), "fourier"), "allowed on a free patch: love, punch"),
+    (lambda: HalfSpace((9, 9), layer(2.0, 0.5)), "kernel is 'layer'; allowed on a free patch"),
+    (lambda: layer(0.0, 0.5, False), "thickness of 0 spacings.*allowed: thickness > 0"),
+    (lambda: layer(0.2, 0.5), "thickness of 0.2 spacings.*allowed: thickness >= 0.25"),
+    (lambda: layer(1.0, 0.6), "nu = 0.6"),
 )
-def test_refused(call, words):
-    with pytest.raises(ContactError, match=words):
-        call()

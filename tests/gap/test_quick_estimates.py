@@ -6,6 +6,7 @@ import pytest
 from roughvol.errors import ContactError
 from roughvol.gap.quick_estimates import CLOSES_AT, effective_medium, single_junction
 from tests.gap.kit import rough
+from tests.refused import refusals
 
 
 def test_the_corrected_medium_closes_where_it_is_told_to():
@@ -42,10 +43,9 @@ def test_the_unit_of_length_does_not_matter():
         assert single_junction(unit * gap, 0) == pytest.approx(single_junction(gap, 0), rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [({"closes_at": 0.0}, "closes_at"), ({"closes_at": 1.0}, "closes_at"), ({"exponent": -1.0}, "exp")],
+test_refused = refusals(
+    ContactError,
+    (lambda: effective_medium(np.ones((3, 3)), closes_at=0.0), "closes_at"),
+    (lambda: effective_medium(np.ones((3, 3)), closes_at=1.0), "closes_at"),
+    (lambda: effective_medium(np.ones((3, 3)), exponent=-1.0), "exp"),
 )
-def test_refused(options, words):
-    with pytest.raises(ContactError, match=words):
-        effective_medium(np.ones((3, 3)), **options)

@@ -12,6 +12,7 @@ from roughvol.gap.constriction import constriction
 from roughvol.gap.quick_estimates import effective_medium, single_junction
 from roughvol.gap.transport import cell_conduction, conduction
 from tests.gap.kit import floods, rough, smooth
+from tests.refused import refusals
 
 RANDOM = np.random.Generator(np.random.PCG64(11))
 
@@ -245,15 +246,10 @@ def test_a_narrow_strait_of_a_cell_carries_the_flow_of_one_junction():
     assert cell_conduction(gap, 0) * gap.mean() ** 3 == pytest.approx(2e-12 / 2.0, rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: constriction(np.ones(4), 0), "2-D field"),
-        (lambda: conduction(np.array([[1.0, -2.0]]), 0), "minimum -2"),
-        (lambda: conduction(np.array([[1.0, np.nan]]), 0), "finite"),
-        (lambda: conduction(np.ones((3, 3)), 0, 0.0), "exponent must be > 0, got 0.0"),
-    ],
+test_refused = refusals(
+    ContactError,
+    (lambda: constriction(np.ones(4), 0), "2-D field"),
+    (lambda: conduction(np.array([[1.0, -2.0]]), 0), "minimum -2"),
+    (lambda: conduction(np.array([[1.0, np.nan]]), 0), "finite"),
+    (lambda: conduction(np.ones((3, 3)), 0, 0.0), "exponent must be > 0, got 0.0"),
 )
-def test_refused(call, words):
-    with pytest.raises(ContactError, match=words):
-        call()

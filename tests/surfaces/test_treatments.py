@@ -21,6 +21,7 @@ from roughvol.surfaces.treatment import (
     outliers,
     squared,
 )
+from tests.refused import refusals
 
 ROUGH = np.random.default_rng(11).normal(size=(33, 21))
 X, Y = np.meshgrid(np.arange(33.0), np.arange(21.0), indexing="ij")
@@ -264,27 +265,22 @@ NOTHING = np.full((4, 4), np.nan)
 CUT_OFFS = r"low_pass is .*; allowed: 2 \(twice the spacing\) to 20 \(the shorter"
 
 
-@pytest.mark.parametrize(
-    ("treated", "said"),
-    [
-        (lambda: level(NOTHING, "tilt"), "none of the 16 heights is known"),
-        (lambda: fill(NOTHING, "nearest"), "none of the 16 heights is known"),
-        (
-            lambda: fill(_without(np.eye(4), np.eye(4) == 0), "nearest"),
-            "12 of 16 heights are missing; allowed: up to 5",
-        ),
-        (lambda: level(ROUGH, "plane"), "level must be one of 'none', 'mean', 'tilt', 'quadratic', got 'plane'"),
-        (lambda: fill(ROUGH, "zero"), "missing must be one of 'nearest', 'interpolate', got 'zero'"),
-        (lambda: low_pass(_without(ROUGH, HOLES), 1.0, 4.0), "known at every node"),
-        (
-            lambda: outliers(np.where(RNG.random(CORRELATED.shape) < 0.2, 30.0, CORRELATED), 3.0),
-            r"lie farther than 3 .*allowed: up to 5%",
-        ),
-        (lambda: outliers(np.eye(30), 3.0), "half of the heights or more lie in one plane"),
-        (lambda: outliers(NOTHING, 3.0), "none of the 16 heights is known"),
-        *((lambda at=at: low_pass(ROUGH, 1.0, at), CUT_OFFS) for at in (0.0, 1.9, 20.1, math.nan, math.inf)),
-    ],
+test_what_cannot_be_treated_is_refused = refusals(
+    SurfaceError,
+    (lambda: level(NOTHING, "tilt"), "none of the 16 heights is known"),
+    (lambda: fill(NOTHING, "nearest"), "none of the 16 heights is known"),
+    (
+        lambda: fill(_without(np.eye(4), np.eye(4) == 0), "nearest"),
+        "12 of 16 heights are missing; allowed: up to 5",
+    ),
+    (lambda: level(ROUGH, "plane"), "level must be one of 'none', 'mean', 'tilt', 'quadratic', got 'plane'"),
+    (lambda: fill(ROUGH, "zero"), "missing must be one of 'nearest', 'interpolate', got 'zero'"),
+    (lambda: low_pass(_without(ROUGH, HOLES), 1.0, 4.0), "known at every node"),
+    (
+        lambda: outliers(np.where(RNG.random(CORRELATED.shape) < 0.2, 30.0, CORRELATED), 3.0),
+        r"lie farther than 3 .*allowed: up to 5%",
+    ),
+    (lambda: outliers(np.eye(30), 3.0), "half of the heights or more lie in one plane"),
+    (lambda: outliers(NOTHING, 3.0), "none of the 16 heights is known"),
+    *((lambda at=at: low_pass(ROUGH, 1.0, at), CUT_OFFS) for at in (0.0, 1.9, 20.1, math.nan, math.inf)),
 )
-def test_what_cannot_be_treated_is_refused(treated, said):
-    with pytest.raises(SurfaceError, match=said):
-        treated()
