@@ -8,7 +8,7 @@ import pytest
 from scipy import integrate
 
 from roughvol.errors import SurfaceError
-from roughvol.surfaces import texture
+from roughvol.surfaces import texture, waves
 from roughvol.surfaces.psd import spectral
 from roughvol.surfaces.spectrum import Spectrum, density, moment, nayak, slope_per_height
 from roughvol.surfaces.waves import power_law_surface
@@ -130,6 +130,14 @@ def test_the_skewness_is_met_and_the_spectrum_is_kept(Ssk):
         np.testing.assert_allclose(*moduli, atol=1e-13)
         kurtosis.append(texture.Sku(surface.heights))
     assert np.mean(kurtosis) == pytest.approx(3.0 + 1.5 * Ssk**2, rel=0.1)  # Pearson's type III
+
+
+def test_the_translation_is_the_cube_of_wilson_and_hilferty():
+    y = np.linspace(-4.0, 4.0, 9)
+    for s in (-2.0, 0.8):
+        cube = 2.0 / s * ((1.0 + s * y / 6.0 - s * s / 36.0) ** 3 - 1.0)
+        np.testing.assert_allclose(waves._translation(y, s), cube, rtol=1e-12)
+    np.testing.assert_array_equal(waves._translation(y, 0.0), y)
 
 
 def test_a_patch_is_the_period_with_its_edge_repeated():
