@@ -80,7 +80,7 @@ def closed(state):
 """
 ENSEMBLE = """
 name: means
-surface: {D: 2.3, m: 4, L: 100 um, Sq: 1 um}
+surface: {D: 2.3, m: 2, L: 100 um, Sq: 1 um}
 material: {E: 10 MPa, nu: 0.5}
 sweep: {steps: 5, to: {indentation: 2}}
 record: {own: {OWN}}
@@ -193,7 +193,7 @@ def test_the_mean_of_a_function_is_that_of_the_built_in_quantity_it_returns_to_t
             np.testing.assert_array_equal(ds[name], ds[name.replace("p_", "mean_pressure_", 1)], strict=True)
     assert (ds.p_step_error > 0.0).all()
     assert ds.largest_gap_mean.attrs["units"] == "um"
-    assert "mean largest_gap at indentation = 1.1, D = 2.3, m = 4: " in ds.attrs["answer"]
+    assert "mean largest_gap at indentation = 1.1, D = 2.3, m = 2: " in ds.attrs["answer"]
     assert collect(asked).equals(ds)
     for file in sorted(Path("runs/means/cases").glob("*.nc"))[::3]:
         file.unlink()
@@ -207,7 +207,7 @@ def test_the_mean_of_a_function_is_that_of_the_built_in_quantity_it_returns_to_t
     ("functions", "accuracy", "words"),
     [
         ("halves: mine:halves", "halves: 5 %", "7: ensemble.accuracy.halves: mine:halves returns an array over half"),
-        ("bad: mine:rows", "bad: 5 %", r"6: record.own.bad: mine:rows returns shape \(1, 5\); allowed: a number"),
+        ("bad: mine:rows", "bad: 5 %", r"6: record.own.bad: mine:rows returns shape \(1, 3\); allowed: a number"),
         ("bad: mine:failing", "bad: 5 %", r"6: record.own.bad: mine:failing fails at p\* = .*ZeroDivisionError"),
         ("nan: mine:closed", "nan: 5 %", "7: ensemble.accuracy.nan: has no value at last .*: its function returns no"),
         ("p: mine:p", "P: 5 %", "7: ensemble.accuracy.P: unknown quantity; did you mean 'p'"),
@@ -283,7 +283,7 @@ def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path):
     explained, _, ran = printed.partition(" cases in ")
     of_mean = explained.count("mean over all surfaces of the Largest gap")
     assert explained.count("Largest gap") > of_mean > 0
-    assert "mean largest_gap at the last step, D = 2.3, m = 4: " in ran
+    assert "mean largest_gap at the last step, D = 2.3, m = 2: " in ran
     shown = python("-c", script, "show gaps --csv", "plot gaps largest_gap_of_p", first=site).stdout
     assert "largest_gap" in shown.splitlines()[0]
     assert "largest_gap_of_p.png" in shown
@@ -294,13 +294,13 @@ def test_the_tutorial_runs_from_an_empty_folder():
     (_, module), (_, yaml), (_, use), (_, number), (_, mean) = blocks
     assert len([line for line in module.splitlines() if line.strip()]) <= 12
     Path("gaps.py").write_text(module)
-    Path("seal.yaml").write_text(yaml.replace("m: 6", "m: 4"))
+    Path("seal.yaml").write_text(yaml.replace("m: 6", "m: 3"))
     roughvol.run("seal.yaml", jobs=1)
     names = {}
     exec(use, names)
     total = float(names["ds"].gap_share.sum())
     assert 38.0 < total <= 40.0  # 10 steps of 4 surfaces, but for gaps beyond the last class
     Path("my_gaps.py").write_text(number)
-    Path("mean.yaml").write_text(mean.replace("m: 6", "m: 4").replace("2 %", "20 %"))
-    assert "mean largest_gap at pressure = 0.1, D = 2.3, m = 4: " in said("run", "mean.yaml", "--jobs", "1")
+    Path("mean.yaml").write_text(mean.replace("m: 6", "m: 2").replace("2 %", "20 %"))
+    assert "mean largest_gap at pressure = 0.1, D = 2.3, m = 2: " in said("run", "mean.yaml", "--jobs", "1")
     assert said("plot", "mean_gaps", "largest_gap_of_p") == "runs/mean_gaps/figures/largest_gap_of_p.png\n"

@@ -12,7 +12,7 @@ import pytest
 from roughvol.cli import main
 from roughvol.cli.group import GROUPS
 from roughvol.report import page
-from tests.kit import LEAKING, answered, call, python, ran, refused, said
+from tests.kit import LEAKING, answered, call, ran, refused, said
 
 STUDY = LEAKING.replace("steps: 8", "steps: 12")
 PLAIN = "surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 3}\n"
@@ -77,9 +77,12 @@ def test_json_of_a_run_has_the_numbers_of_show() -> None:
 FORMS = ("tiny", "tiny.yaml", "runs/tiny", "runs/tiny/study.nc")
 
 
-FORMS_OF = {"show": FORMS, "status": FORMS, "run": FORMS[:1], "check": FORMS[2:3], "card": FORMS[2:3]} | dict.fromkeys(
-    ("plot", "report", "compare", "creep"), FORMS[1:2]
-)  # two functions open all of them: `StoredRun.open` and `study_of`
+FORMS_OF = {  # two functions open all of them: `StoredRun.open` and `study_of`
+    **dict.fromkeys(("show", "status"), FORMS),
+    "run": FORMS[:1],
+    **dict.fromkeys(("plot", "report", "compare", "creep"), FORMS[1:2]),
+    **dict.fromkeys(("check", "card"), FORMS[2:3]),
+}
 
 
 @pytest.mark.parametrize(("name", "form"), [(name, form) for name, forms in FORMS_OF.items() for form in forms])
@@ -92,7 +95,7 @@ def test_a_command_takes_a_study_in_each_form(name: str, form: str) -> None:
 LOADS = ("last", "pressure=0.2 MPa", "p=0.3", "pressure=0.2MPa, leg 1", "load=1 mN")
 
 
-LOADS_OF = {"show": LOADS, "ask": LOADS, "creep": LOADS[2:3], "compare": LOADS[4:], "card": LOADS[3:4]}  # one parser
+LOADS_OF = {"show": LOADS, "ask": LOADS, "creep": LOADS[2:3], "compare": LOADS[4:]}  # one parser
 
 
 @pytest.mark.parametrize(("name", "load"), [(name, load) for name, loads in LOADS_OF.items() for load in loads])
@@ -187,7 +190,7 @@ def test_completion_knows_runs_figures_states_and_keys(words: tuple[str, ...], e
 
 def test_progress_of_many_cases_takes_few_lines_off_a_terminal(tmp_path: Path) -> None:
     (tmp_path / "many.yaml").write_text("surface: {D: 2.3, m: 3, seeds: 40}\nsweep: {steps: 2}\n", encoding="utf-8")
-    done = python("-m", "roughvol", "run", "many.yaml", "--jobs", "1", cwd=tmp_path)
+    done = call("run", tmp_path / "many.yaml", "--jobs", "1", "--out", tmp_path / "many")
     seconds = float(done.stdout.split()[3])
     lines = [line for line in done.stderr.splitlines() if ": done · " in line]
     assert 1 <= len(lines) <= seconds + 2

@@ -112,10 +112,8 @@ def test_a_closed_pipe_does_not_keep_a_command_from_its_files(place: Path) -> No
     assert done.stderr == ""
 
 
-@pytest.mark.parametrize("command", ["run tiny.yaml", "tradeoff quick.yaml"])
-def test_a_closed_standard_error_does_not_end_a_command(place: Path, command: str) -> None:
-    Path("quick.yaml").write_text("surface: {D: 2.5, m: 3, seeds: 1}\nsweep: {steps: 1}\n", encoding="utf-8")
-    done = _shell(place, f"roughvol {command} 2>&-")
+def test_a_closed_standard_error_does_not_end_a_command(place: Path) -> None:
+    done = _shell(place, "roughvol run tiny.yaml 2>&-")
     assert (done.returncode, done.stderr) == (0, ""), done
 
 
@@ -133,7 +131,7 @@ def test_a_standard_input_that_is_no_text_is_one_message(place: Path, line: str,
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
-@pytest.mark.parametrize("command", ["show tiny", "ls", "--help", "show --help"])
+@pytest.mark.parametrize("command", ["show tiny", "--help"])
 def test_an_output_that_cannot_be_written_is_one_message(place: Path, command: str) -> None:
     done = _shell(place, f"roughvol {command} > /dev/full")
     assert done.returncode in (1, 2)
