@@ -35,9 +35,9 @@ from tests.kit import said
 FILE = Path(__file__).with_suffix(".toml")
 PYTHON = Path(__file__).parents[1] / "docs" / "reference" / "python.md"  # its names are public
 STUDY = """
-surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: [1]}
+surface: {D: 2.2, m: 3, L: 100 um, Sq: 0.5 um, seeds: [1]}
 material: {E_star: 10 MPa}
-sweep: {steps: 4, to: {pressure: 0.2 MPa}}
+sweep: {steps: 3, to: {pressure: 0.2 MPa}}
 fluid: {gas: helium, inlet: 100 mbar, outlet: 0 mbar}
 record:
   transport: {percolation: every-step, constriction: every-step, transmissivity: every-step, gas_flow: every-step}

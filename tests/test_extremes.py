@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from extremes.matrix import CELLS, Cell
+from extremes.matrix import CELLS, Cell, over_random_cases
 
 
 def _named(cell: Cell) -> Any:
@@ -17,3 +17,7 @@ def test_extreme(cell: Cell) -> None:
     found = cell.run()
     assert found.residual <= 0.1
     assert found.compared
+
+
+def test_some_random_cases() -> None:
+    assert over_random_cases(12).residual <= 1e-3

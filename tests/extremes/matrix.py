@@ -315,7 +315,7 @@ def yielding(contact, surface, limit, left) -> None:
     assert abs(contact.free_volume - max(volume, 0.0)) <= 100 * ROUNDING * scale(contact)
 
 
-@cells("random", {f"{count} cases": count for count in (40, 600)}, quick=["40 cases"])
+@cells("random", {f"{count} cases": count for count in (40, 600)}, quick=())
 def over_random_cases(count):
     states, most, failed = 0, 0.0, []
     for number in range(count):

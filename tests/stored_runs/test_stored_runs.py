@@ -94,7 +94,7 @@ def test_every_question_on_a_run_is_answered(
     here: dict[str, Any], name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     version = Path.cwd().name
-    if name != "paper" or version in VERSIONS[1:-1]:  # the next tests draw figures
+    if name != "paper" or version != VERSIONS[-1]:  # the next tests draw figures
         monkeypatch.setattr(page, "drawings_of", lambda *_: ())
     at = studies(version)[name]["at"]
     results = roughvol.open(name)
@@ -130,11 +130,10 @@ def _answers_agree(before: str, now: str) -> None:
 @pytest.mark.parametrize("name", studies(OLDEST))
 def test_a_run_of_the_oldest_version_has_its_figures(here: dict[str, Any], name: str, tmp_path: Path) -> None:
     wanted = set(here[name]["figures"])
-    done = call("plot", name, "--out", tmp_path)
-    assert (done.exit_code, done.stderr) == (0, "")
-    drawn = {path.stem for path in tmp_path.rglob("*.png")}
-    assert wanted - drawn <= GONE.keys()
-    for figure in wanted - drawn:
+    gone = wanted & GONE.keys() if name == "lifted" else wanted & {"answer_cost"}
+    said("plot", name, *sorted(wanted - gone), "--out", tmp_path)
+    assert {path.stem for path in tmp_path.rglob("*.png")} == wanted - gone
+    for figure in gone:
         assert GONE[figure] in refused("plot", name, figure)
 
 
