@@ -239,15 +239,6 @@ def test_failed_cases_exit_with_one(tmp_path: Path) -> None:
     assert not (tmp_path / "out" / "study.nc").exists()
 
 
-def test_plot_draws_what_the_latest_run_can_feed(place: Path) -> None:
-    drawn = said("plot")
-    assert "fig04a" in drawn
-    assert "fig08" not in drawn  # it needs fields
-    for line in drawn.splitlines():
-        assert Path(line).read_bytes().startswith(b"\x89PNG")
-        assert (Path(line).parent.name == "paper") == Path(line).stem.startswith("fig")
-
-
 @pytest.mark.usefixtures("here")
 def test_plot_without_runs_says_how_to_make_one() -> None:
     assert "roughvol run STUDY" in refused("plot")
