@@ -101,6 +101,7 @@ class Made:
     kind: Kind
     folder: Path
     name: str = ""
+    printed: str = ""  # by the command that made the run
 
     @property
     def file(self) -> Path:
@@ -362,7 +363,7 @@ def _states_of(surface: Surface, labels: Sequence[str]) -> list[dict[str, float]
 
 def run(made: Made) -> int:
     """The table after `roughvol run STUDY`, its closing loads, and the number of cases."""
-    text = call(made, "run", made.kind.file, "--jobs", "1")
+    text = call(made, "run", made.kind.file, "--jobs", "1") if made.kind.afterwards else made.printed
     assert text.startswith(f"{_cases(made)} case")
     stored = made.stored
     if "residual" in stored:
@@ -455,9 +456,7 @@ def compare_json(made: Made) -> int:
     beside, load = made.kind.beside
     other = Made(BY_NAME[beside], made.folder)
     found = json.loads(call(made, "compare", made.kind.asked, beside, "--at", load, "--json"))["rows"]
-    with python(made):
-        names, rows, _ = roughvol.compare([made.kind.asked, beside], [load]).records()
-    assert _rows(names, rows) == found
+    alike(made, found, lambda: _rows(*roughvol.compare([made.kind.asked, beside], [load]).records()[:2]))
     assert len(found) == len(made.groups) + len(other.groups)
     count = 0
     for row in found:
@@ -785,11 +784,12 @@ def check(made: Made) -> int:
         return 2
     words = f"# {_cases(made)} case{'s' * (_cases(made) > 1)}, {states} states to solve"
     assert words in text
-    with python(made):
-        seen = roughvol.check(made.kind.file)
-    assert (seen.estimate.cases, seen.estimate.steps) == (_cases(made), states)
-    close(seen.plain()["surface"]["Sq"], expected[0], "Sq", within=1e-6)
-    return 5
+    if made.kind.name in IN_PYTHON:
+        with python(made):
+            seen = roughvol.check(made.kind.file)
+        assert (seen.estimate.cases, seen.estimate.steps) == (_cases(made), states)
+        close(seen.plain()["surface"]["Sq"], expected[0], "Sq", within=1e-6)
+    return 3
 
 
 def press(made: Made) -> int:
@@ -804,18 +804,17 @@ def press(made: Made) -> int:
         if made.kind.name == "files":
             roughvol.press(study["surface"]["files"], **options)
         if made.kind.name in ("file-changed", "bodies"):
-            found = [roughvol.press(study["surface"]["file"], **options)]
+            found = roughvol.press(study["surface"]["file"], **options)
             if made.kind.name == "file-changed":
-                close(float(found[0]["Sq"]), np.load(made.folder / "worn.npy").std(), "Sq", within=TIGHT)
+                close(float(found["Sq"]), np.load(made.folder / "worn.npy").std(), "Sq", within=TIGHT)
                 return 1
         else:
             maps = _maps(ds.isel(dict.fromkeys(made.kind.lists, 0)))
             if made.kind.name in ("seeds", "m", "D", "ensemble"):
                 roughvol.press(maps, **options)
-            found = [roughvol.press(heights, **options) for heights in maps]
+            found = roughvol.press(maps[-1], **options)
     cases = ds if "case" in ds.dims else ds.stack(case=["D", "m", "seed"])
-    assert len(found) == cases.sizes["case"]
-    return sum(_check_pressed(one, cases.isel(case=k)) for k, one in enumerate(found))
+    return _check_pressed(found, cases.isel(case=-1))
 
 
 def _check_pressed(found: Any, stored: Any) -> int:
@@ -862,7 +861,7 @@ def ask(made: Made) -> int:
             continue
         (exact,) = (answer for answer in found if answer["axis"] == axis)
         close(exact["value"], step[0], f"load of {leak} {unit}", within=1e-6)
-        if flow == "leak_rate" and "plastic_volume" not in every[0].along:
+        if flow == "leak_rate" and axis == "x" and "plastic_volume" not in every[0].along:
             count += _ask_others(made, axis, step, paths)
     text = call(made, "ask", made.kind.asked, *words)
     assert all(f"along {axis}: " in text for axis in made.kind.axes)

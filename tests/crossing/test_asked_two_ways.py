@@ -62,9 +62,8 @@ def test_a_gas_without_units_has_the_limit_of_its_pressure_drop(tmp_path: Path) 
     assert "pressure_drop" not in {limit.key for limit in validity.kept(given, without)}  # compared with no state
 
 
-@pytest.mark.parametrize("seed", [0, 3])
-def test_a_card_at_a_listed_load_is_that_of_its_step(seed: int, tmp_path: Path) -> None:
-    text = SURFACE.replace("[3]", f"[{seed}]").replace("m: 4", "m: 5") + RUBBER + PRESSED
+def test_a_card_at_a_listed_load_is_that_of_its_step(tmp_path: Path) -> None:
+    text = SURFACE.replace("m: 4", "m: 5") + RUBBER + PRESSED
     text += f"record: {{transport: {{transmissivity: every-step}}, dimensional: {LIQUID}}}\n"
     ds = run(text, tmp_path)
     found = roughvol.card(loads(text), at="pressure=0.03 MPa", out=tmp_path / "card", jobs=1)
@@ -124,14 +123,19 @@ def test_conductance_is_that_of_elastic_half_spaces_alone(more: str, tmp_path: P
     assert "interfacial_stiffness" in found
 
 
-@pytest.mark.parametrize("level", ["pressure=0.02 MPa", "load=0.0002 N", "mean_gap=0.9 um", "leak_rate=3e-6 mm^3/s"])
-def test_runs_are_compared_at_one_load_whatever_unit_their_lengths_have(level: str, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Dataset]:
+    """A run with lengths in um, and the same in mm."""
     record = f"record: {{transport: {{transmissivity: every-step}}, dimensional: {LIQUID}}}\n"
     in_mm = SURFACE.replace("100 um", "0.1 mm").replace("0.7 um", "0.0007 mm")
-    runs = [
-        run(f"name: {name}\n" + surface + RUBBER + PRESSED + record, tmp_path / name)
+    return [
+        run(f"name: {name}\n" + surface + RUBBER + PRESSED + record, tmp_path_factory.mktemp(name))
         for name, surface in (("um", SURFACE), ("mm", in_mm))
     ]
+
+
+@pytest.mark.parametrize("level", ["pressure=0.02 MPa", "load=0.0002 N", "mean_gap=0.9 um", "leak_rate=3e-6 mm^3/s"])
+def test_runs_are_compared_at_one_load_whatever_unit_their_lengths_have(level: str, runs: list[Dataset]) -> None:
     alone = runs[0].roughvol.at(level)
     for order in (runs, runs[::-1]):
         found = roughvol.compare(order, level).records()

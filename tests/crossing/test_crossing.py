@@ -38,6 +38,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Made]:
         arguments = ["run", str(folder / kind.file), "--jobs", "1", "--out", str(one.file.parent)]
         done = CliRunner().invoke(main, arguments)
         assert done.exit_code == 0, done.output
+        one.printed = done.stdout
         if kind.afterwards is not None:
             kind.afterwards(folder)
         return one
