@@ -142,6 +142,14 @@ def test_a_variation_of_a_study_has_a_card_of_its_own() -> None:
     assert "seal, material.E_star=20 MPa" in Path("runs/seal_card", f"{stem}.html").read_text()
 
 
+def test_the_quadrants_of_a_closed_map_have_no_scatter() -> None:
+    study = _study(SEAL.replace("{steps: 4, to: percolation}", "{pressures: [0.4 MPa, 0.6 MPa]}"))
+    for way in roughvol.card(study, jobs=1).cards[""].ways:
+        (window,) = (part for part in way.parts if part.name == "window")
+        assert not window.known
+        assert window.words.startswith("the map is closed at ")
+
+
 def test_json_of_several_loads_is_the_object_of_the_contract_for_each() -> None:
     """Pressures are in MPa, whatever the unit of the study. The numbers: crossing/test_crossing.py."""
     study = _study(PRESSED.replace("pressure: MPa", "pressure: kPa"))
