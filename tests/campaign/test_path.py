@@ -16,6 +16,7 @@ from roughvol.campaign.execution import run
 from roughvol.campaign.one_case import Context, run_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
+from roughvol.ensemble import design
 from roughvol.errors import ContactError, RoughvolError, StudyError
 from roughvol.store import checkpoint
 from roughvol.store.dataset import Dataset
@@ -80,16 +81,13 @@ def test_without_steps_nothing_is_pressed() -> None:
     ("surface", "to", "name", "value"),
     [
         (PLAIN, "mean-plane", "separation", 0.0),
-        (PLAIN, "{separation: -1.0}", "separation", -1.0),
         (PLAIN, "{indentation: 2.5}", "indentation", 2.5),
         (PLAIN, "{pressure: 0.75}", "mean_pressure", 0.75),
         (PLAIN, "{contact_area: 0.25}", "contact_area_fraction", 0.25),
         (UNITS, "{pressure: 200 kPa}", "mean_pressure", 0.2 / SCALE),
         (UNITS, "{load: 1 mN}", "mean_pressure", 1e-3 / (AREA * 1e-12) * 1e-6 / SCALE),
         (UNITS, "{separation: -200 nm}", "separation", -0.2),
-        (UNITS, "{indentation: 2 um}", "indentation", 2.0),
         (UNITS, "{mean_gap: 1 um}", "free_volume", 1.0),
-        (UNITS, "{free_volume: 0.8}", "free_volume", 0.8),
         (PERIOD, "{pressure: 2.0}", "mean_pressure", 2.0),
         (PERIOD, "{contact_area: 0.3}", "contact_area_fraction", 0.3),
         (PERIOD, "{free_volume: 0.4}", "free_volume", 0.4),
@@ -122,13 +120,10 @@ def test_a_sweep_to_the_summit_plane_ends_on_the_mean_of_the_summits(surface: st
         ("mean_gaps: [1.5 um, 1 um]", "free_volume", [1.5, 1.0]),
         ("free_volumes: [1.2, 0.7]", "free_volume", [1.2, 0.7]),
         ("separations: [1, 0.5, -0.5]", "separation", [1.0, 0.5, -0.5]),
-        ("separations: 0", "separation", [0.0]),
         ("indentations: [1 um, 2 um]", "indentation", [1.0, 2.0]),
-        ("loads: [0.1 mN, 1 mN]", "mean_pressure", [k * 1e-4 / AREA * 1e6 / SCALE for k in (1, 10)]),
         ("steps: 4, to: {pressure: 0.2 MPa}, equal: pressure", "mean_pressure", [0.5, 1.0, 1.5, 2.0]),
         ("steps: 3, to: {pressure: 2}, equal: log pressure, first: 0.02 MPa", "mean_pressure", [0.2, 0.4**0.5, 2.0]),
         ("steps: 4, to: {pressure: 2}, equal: log pressure", "mean_pressure", [0.002, 0.02, 0.2, 2.0]),
-        ("steps: 1, to: {pressure: 2}, equal: log pressure", "mean_pressure", [2.0]),
     ],
 )
 def test_a_list_or_a_law_makes_a_step_of_each_value(lists: str, name: str, values: list[float]) -> None:
@@ -136,7 +131,7 @@ def test_a_list_or_a_law_makes_a_step_of_each_value(lists: str, name: str, value
     assert_allclose(ds[name], values, rtol=2e-5, atol=1.01 * ELEMENT if name.startswith("contact") else 1e-12)
 
 
-@pytest.mark.parametrize("to", ["mean-plane", "{contact_area: 0.3}", "{mean_gap: 0.5 um}"])
+@pytest.mark.parametrize("to", ["mean-plane", "{contact_area: 0.3}"])
 def test_steps_equal_in_pressure_end_where_the_sweep_ends(to: str) -> None:
     plain, even = (solved(f"{UNITS}sweep: {{steps: 3, to: {to}{equal}}}") for equal in ("", ", equal: pressure"))
     assert_allclose(even.indentation[-1], plain.indentation[-1], rtol=1e-9)
@@ -148,19 +143,14 @@ LEAKING = f"record: {{transport: {{transmissivity: every-step}}, dimensional: {{
 
 
 @pytest.mark.parametrize(
-    ("axis", "more", "value", "rtol"),
-    [
-        ("", "", 1e-2, 1e-4),
-        ("_x", ", hardness: 2 MPa", 1e-2, 1e-4),
-        ("_y", "", 1e-2, 1e-4),
-        ("", "}\nsolver: {accuracy: reference", 1e-2, 2e-5),
-    ],
+    ("axis", "more", "rtol"),
+    [("", "", 1e-4), ("_x", ", hardness: 2 MPa", 1e-4), ("_y", "}\nsolver: {accuracy: reference", 2e-5)],
 )
-def test_a_sweep_ends_at_the_value_of_a_leak_rate(axis: str, more: str, value: float, rtol: float) -> None:
+def test_a_sweep_ends_at_the_value_of_a_leak_rate(axis: str, more: str, rtol: float) -> None:
     surface = UNITS.replace("10 MPa}", f"10 MPa{more}}}")
-    ds = _stored(f"{surface}{LEAKING}sweep: {{steps: 3, to: {{leak_rate{axis}: {value} mm^3/s}}}}\n")
+    ds = _stored(f"{surface}{LEAKING}sweep: {{steps: 3, to: {{leak_rate{axis}: 0.01 mm^3/s}}}}\n")
     followed = (ds.leak_rate.sel(axis=axis[1:]) if axis else ds.leak_rate.max("axis")).values
-    assert_allclose(followed[-1], value, rtol=rtol)
+    assert_allclose(followed[-1], 0.01, rtol=rtol)
     assert (np.diff(followed) < 0.0).all()
 
 
@@ -238,7 +228,7 @@ def test_a_path_goes_on_with_the_same_bits(sweep: str, tmp_path: Path, monkeypat
     monkeypatch.setattr(checkpoint, "EVERY", 0.0)
     case = case_of(PLAIN + sweep)
     whole = run_case(case)
-    for stop in range(1, case.sweep.steps):
+    for stop in range(1, case.sweep.steps, 2):
         again, rest = resumed(case, stop, tmp_path / f"{stop}.npz")
         assert rest[0] == stop + 1
         assert values_of(again).identical(values_of(whole))
@@ -262,7 +252,7 @@ def test_a_leg_may_lose_contact_and_find_it(periodic: str, hardness: str, to: st
 
 
 @pytest.mark.parametrize("periodic", ["true", "false"])
-@pytest.mark.parametrize("to", ["{percolation: x}", "percolation", "{contact_area: 0.5}"])
+@pytest.mark.parametrize("to", ["{percolation: x}", "{contact_area: 0.5}"])
 def test_an_end_by_elements_is_the_first_on_every_path(periodic: str, to: str) -> None:
     surface = f"surface: {{D: 2.3, m: 4, seeds: [1], periodic: {periodic}}}\n"
     legs = (
@@ -358,32 +348,24 @@ def test_levels_on_all_legs_are_states_of_each(hardness: str) -> None:
     assert difference > 0.01 if hardness else difference < 1e-4  # metal remembers, rubber does not
 
 
-@pytest.mark.parametrize(("record", "drawn"), [("0.5], all_legs: true", True), ("1], all_legs: false", False)])
-def test_states_of_later_legs_hinder_no_figure(record: str, drawn: bool) -> None:
+def test_states_of_later_legs_hinder_no_figure() -> None:
     text = (
-        "surface: {D: 2.3, m: 4, seeds: [4, 5], Sq: 1}\nmaterial: {E_star: 100}\n"
-        "sweep: [{steps: 3, to: {pressure: 0.7}}, {steps: 2, to: {pressure: 0.1}}, {steps: 3, to: {pressure: 2}}]\n"
-        f"record: {{fields_at: {{pressure: [{record.replace('], ', ']}, ')}}}\n"
+        "surface: {D: 2.3, m: 4, seeds: [4], Sq: 1}\nmaterial: {E_star: 100}\n"
+        "sweep: [{steps: 2, to: {pressure: 0.7}}, {steps: 1, to: {pressure: 0.1}}, {steps: 2, to: {pressure: 2}}]\n"
+        "record: {fields_at: {pressure: %s}, all_legs: %s}\n"
     )
-    run(loads(text, "legs.yaml"), out=Path("legs"), jobs=1)
-    if drawn:
-        said("plot", "legs", "fig09")
-    else:
-        assert "no case of the dataset has a value of each on the first leg" in refused("plot", "legs", "fig09")
-        said("plot", "legs")
+    run(loads(text % (0.5, "true"), "drawn.yaml"), out=Path("drawn"), jobs=1)
+    said("plot", "drawn", "fig09")
+    run(loads(text % (1, "false"), "later.yaml"), out=Path("later"), jobs=1)
+    assert "no case of the dataset has a value of each on the first leg" in refused("plot", "later", "fig09")
 
 
 @pytest.mark.slow
 def test_a_path_with_yield_and_without_is_reported_together() -> None:
-    record = "record: {heights: true, residual_heights: true, transport: {transmissivity: every-step}}\n"
-    text = (
-        "surface: {D: 2.3, m: 3, seeds: 2, L: 100 um, Sq: 0.5 um}\nmaterial: {E: 70 GPa, nu: 0.33, hardness: 1 GPa}\n"
-    )
-    text += "sweep: [{steps: 4, to: {pressure: 1}}, {steps: 3, to: {pressure: 0}}]\n" + record
-    elastic = text.replace("1 GPa}", "1 GPa, plastic: false}").replace("residual_heights: true, ", "")
-    for name, study in (("metal", text), ("elastic", elastic)):
+    legs = "sweep: [{steps: 3, to: {pressure: 1}}, {steps: 2, to: {pressure: 0}}]\n"
+    text = f"{UNITS.replace('10 MPa}', '78 GPa, hardness: 1 GPa}')}{legs}record: {{heights: true}}\n"
+    for name, study in (("metal", text), ("elastic", text.replace("1 GPa}", "1 GPa, plastic: false}"))):
         run(loads(study, f"{name}.yaml"), out=Path(name), jobs=1)
-    said("plot", "metal", "path_loops", "yielded_map")
     said("report", "metal", "elastic", "--out", "report")
     page = Path("report/report.md").read_text()
     for words in ("With yield (metal) and without (elastic)", "On every leg of the path", "pressures end there"):
@@ -419,25 +401,20 @@ def test_levels_between_steps_of_a_period_are_solved_for() -> None:
 
 
 @pytest.mark.parametrize(
-    ("to", "name", "value"),
+    ("sweep", "name", "value"),
     [
-        ("mean-plane", "separation", 0.0),
-        ("{separation: -0.2}", "separation", -0.2),
-        ("{indentation: 1.2}", "indentation", 1.2),
+        ("{steps: 2, to: mean-plane}", "separation", 0.0),
+        ("{steps: 2, to: {indentation: 1.2}}", "indentation", 1.2),
+        ("[{steps: 1, to: {pressure: 0.2}}, {steps: 2, to: {separation: -0.2}}]", "separation", -0.2),
     ],
 )
-@pytest.mark.parametrize("path", ["sweep: {%s}", "sweep: [{steps: 1, to: {pressure: 0.2}}, {%s}]"])
-def test_a_plane_is_that_of_the_separation_where_a_period_yields(to: str, name: str, value: float, path: str) -> None:
-    data = solved(f"{PERIOD}material: {{E_star: 1, hardness: 0.4}}\n{path % f'steps: 2, to: {to}'}")
+def test_a_plane_is_that_of_the_separation_where_a_period_yields(sweep: str, name: str, value: float) -> None:
+    data = solved(f"{PERIOD}material: {{E_star: 1, hardness: 0.4}}\nsweep: {sweep}")
     assert_allclose(data[name][-1], value, atol=2e-5)
     assert float(data.contact_area_fraction[-1]) < 1.0
 
 
-def test_a_hardness_that_nothing_reaches_is_elastic_contact_and_a_path_goes_up_and_down() -> None:
-    elastic, hard = (
-        solved(f"{PERIOD}material: {{E_star: 1, hardness: {given}}}\nsweep: {{steps: 1}}") for given in ("null", "1e5")
-    )
-    assert_allclose(hard.mean_pressure.values.ravel()[-1], elastic.mean_pressure.values.ravel()[-1], rtol=1e-4)
+def test_a_path_of_a_period_that_yields_goes_up_and_down() -> None:
     legs = "[{steps: 3, to: {separation: 0.6}}, {steps: 2, to: {separation: 1.0}}, {steps: 2, to: {pressure: 3}}]"
     data = solved(f"{PERIOD}material: {{E_star: 1, hardness: 2.0}}\nsweep: {legs}")
     assert_allclose(data.separation[[2, 4]], [0.6, 1.0], atol=1e-4)
@@ -476,53 +453,42 @@ def test_a_crop_of_137_elements_is_pressed_to_its_pressures(seed: int) -> None:
     assert states.converged.all()
 
 
-MIDPOINT = "surface: {D: 2.4, m: 4, seeds: 2, sides: periodic}\n"
-SPECTRUM = "surface: {H: 0.7, n: 16, rolloff: 2, seeds: 2, sides: periodic}\n"
-MEASURED = "surface: {file: z.npy, L: 1, sides: periodic, outliers: {}, missing: interpolate}\n"
-HALF = "sweep: {steps: 4, to: {contact_area: 0.5}}\n"
-UP_AND_DOWN = "sweep: [{steps: 3, to: {separation: 0.6}}, {steps: 2, to: {separation: 1.0}}]\n"
+MIDPOINT = "surface: {D: 2.4, m: 4, seeds: 1, sides: periodic}\n"
+BODIES = "file: z.npy, L: 1, against: {file: z.npy, mirror: x}, sides: periodic"
+HALF = "sweep: {steps: 2, to: {contact_area: 0.5}}\n"
+UP_AND_DOWN = "sweep: [{steps: 2, to: {separation: 0.6}}, {steps: 1, to: {separation: 1.0}}]\n"
 FLOWS = "transport: {percolation: every-step, transmissivity: last, cell_transmissivity: last, constriction: last}"
 TEXTURE = "texture: true, psd: {at: last}, box_counting: {}, volume_density: {bins: 5}"
-ENSEMBLE = "ensemble: {accuracy: {free_volume: 40 %}, at: {pressure: [0.2]}}"
 WORKS = {
-    "punch": MIDPOINT + HALF + "solver: {kernel: punch}",
-    "fourier": SPECTRUM + HALF + "solver: {kernel: fourier, accuracy: reference}",
+    "two bodies": f"surface: {{{BODIES}, outliers: {{}}, missing: interpolate}}\n{HALF}record: {{texture: true}}",
     "the paper's algorithm": MIDPOINT + HALF + "solver: {method: paper}",
-    "two bodies": MEASURED.replace("L: 1", "L: 1, against: {file: z.npy, mirror: x}")
+    "plastic, fourier, region": "surface: {H: 0.7, n: 16, rolloff: 2, seeds: 1, sides: periodic}\n"
+    + UP_AND_DOWN
+    + HARD
+    + "solver: {kernel: fourier}\nrecord: {residual_heights: true, texture: true, region: interior, psd: true}",
+    "void, hardness that only reports": MIDPOINT + HALF + "material: {E_star: 1, hardness: 0.3, plastic: false}\n"
+    f"record: {{{FLOWS}}}",
+    "punch, region": MIDPOINT
     + HALF
-    + "record: {texture: true}",
-    "plastic": MIDPOINT + UP_AND_DOWN + HARD + "record: {residual_heights: true, texture: true}",
-    "plastic, fourier": SPECTRUM + HALF + HARD + "solver: {kernel: fourier}",
-    "hardness that only reports": MIDPOINT + HALF + "material: {E_star: 1, hardness: 0.3, plastic: false}",
-    "void": MIDPOINT + HALF + f"record: {{{FLOWS}}}",
-    "region": MIDPOINT + HALF + f"record: {{region: interior, region_widths: {{}}, {TEXTURE}}}",
-    "plastic region": MIDPOINT + UP_AND_DOWN + HARD + "record: {region: interior, psd: true}",
-    "ensemble": "surface: {D: 2.4, m: 5, sides: periodic}\nsweep: {pressures: [0.2, 0.4]}\n" + ENSEMBLE,
+    + f"solver: {{kernel: punch}}\nrecord: {{region: interior, region_widths: {{}}, {TEXTURE}}}",
+    "ensemble": "surface: {D: 2.4, m: 5, sides: periodic}\nsweep: {pressures: [0.2, 0.4]}\n"
+    "ensemble: {accuracy: {free_volume: 40 %}, at: {pressure: [0.2]}}",
 }
 
 
-@pytest.mark.filterwarnings("ignore::ResourceWarning")
-@pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.parametrize("name", WORKS)
-def test_a_period_goes_with_every_other_feature(name: str, request: pytest.FixtureRequest) -> None:
+def test_a_period_goes_with_every_other_feature(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(design, "PILOT", 4)
     z = noise(0, 18, 16)
     z[0, 3:6] = np.nan
     np.save("z.npy", z)
     study = loads(WORKS[name], "study.yaml")
-    here = run(study, out=Path("here"), jobs=1)
-    assert (here["converged"].astype(float).fillna(1.0) == 1.0).all()
+    found = run(study, out=Path("here"), jobs=1)
+    assert (found["converged"].astype(float).fillna(1.0) == 1.0).all()
     assert cost.estimate(study, 1).seconds > 0.0
-    if name in ("plastic", "void"):
-        there = run(study, out=Path("there"), scheduler=request.getfixturevalue("scheduler"))
-        assert values_of(there).identical(values_of(here))
 
 
 # Refusals
-
-
-def test_a_sweep_without_legs_is_refused() -> None:
-    with pytest.raises(StudyError, match=r"sweep: .* at least 1"):
-        loads(PLAIN + "sweep: []\n")
 
 
 @pytest.mark.parametrize(
@@ -535,13 +501,8 @@ def test_a_sweep_without_legs_is_refused() -> None:
         ),
         (UNITS + "sweep: {to: {mean_gap: 90 um}}", "mean_gap=90 um lies before the first touch; allowed: below "),
         (YIELDING + "sweep: {to: {mean_gap: 90 um}}", "mean_gap=90 um lies before the first touch; allowed: below "),
-        (
-            YIELDING + LEAKING + "sweep: {steps: 1, to: {leak_rate: 1e9 mm^3/s}}",
-            r"leak_rate=1e\+09 mm\^3/s lies before",
-        ),
         (UNITS + "sweep: {to: {separation: 90 um}}", "a sweep to separation=90 um would end at "),
         (UNITS + LEAKING + "sweep: {steps: 1, to: {leak_rate: 1e9 mm^3/s}}", r"leak_rate=1e\+09 mm\^3/s lies before"),
-        (UNITS + LEAKING + "sweep: {leak_rates: [1e9 mm^3/s, 1e-9 mm^3/s]}", r"leak_rate=1e\+09 mm\^3/s lies before"),
         (UNITS + "sweep: {steps: 3, to: {pressure: 2}, equal: log pressure, first: 3}", r"first step is at p\* = 3"),
         (PERIOD + "sweep: {steps: 3, to: {indentation: 50}}", "allowed on a periodic surface: up to"),
         (PERIOD + "sweep: {steps: 3, to: {separation: 40}}", "a sweep to separation=40 would end at .*beyond first"),
@@ -559,10 +520,8 @@ def test_a_case_without_its_states_is_an_error(text: str, words: str) -> None:
         solved(text)
 
 
-@pytest.mark.parametrize("ends", [("pressure", "indentation"), ("indentation", "pressure")])
-def test_two_legs_to_the_first_touch_of_elastic_contact_are_refused(ends: tuple[str, str]) -> None:
-    back = ", ".join(f"{{steps: 1, to: {{{end}: 0}}}}" for end in ends)
-    legs = f"sweep: [{{steps: 2, to: {{pressure: 1}}}}, {back}]\n"
+def test_two_legs_to_the_first_touch_of_elastic_contact_are_refused() -> None:
+    legs = "sweep: [{steps: 2, to: {pressure: 1}}, {steps: 1, to: {indentation: 0}}, {steps: 1, to: {pressure: 0}}]\n"
     with pytest.raises(StudyError, match=r"sweep\[2\].to: .*no length"):
         loads(PLAIN + legs)
     loads(PLAIN + legs + HARD)  # contact that has yielded is lost beyond first touch
@@ -575,7 +534,7 @@ def test_a_period_of_few_heights_is_refused() -> None:
 
 
 def test_one_way_numbers_are_missing_where_the_first_order_opens_the_joint() -> None:
-    text = "surface: {D: 2.2, m: 4, seeds: [1]}\nsweep: {steps: 2, to: {pressure: 4}}\nrecord: {transport: "
+    text = "surface: {D: 2.2, m: 4, seeds: [1]}\nsweep: {pressures: 4}\nrecord: {transport: "
     text += "{transmissivity: last}, fluid_pressure: {inlet: 4.8, outlet: 0, at: last%s}}\n"
     found = solved(text % "")
     assert np.isfinite(found.fluid_leak).all()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from numpy.testing import assert_allclose
 from roughvol.analysis.stored_run import Run
 from roughvol.campaign import rounds
 from roughvol.campaign.execution import collect, run
+from roughvol.ensemble import design
 from roughvol.errors import CampaignError
 from roughvol.report.run_facts import facts
 from roughvol.store import dataset
@@ -22,15 +24,22 @@ from tests.kit import said
 
 TEXT = """
 name: mean
-surface: {D: 2.3, m: 3}
+surface: {D: 2.3, m: 2}
 sweep: {pressures: [0.1, 0.3]}
 ensemble: {accuracy: {free_volume: 20 %}, at: {pressure: [0.1, 0.3]}}
 """
 STUDY = loads(TEXT)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few_samples() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(design, "PILOT", 8)
+        yield
+
+
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def finished(few_samples: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("ensemble")
     run(STUDY, out=folder, jobs=1)
     return folder
@@ -56,7 +65,7 @@ def test_the_answer_is_stored_beside_its_cases(finished: Path) -> None:
     assert_allclose(results.ensemble_samples, results.residual.notnull().any("step").sum("seed"))
     assert all(results[name].attrs["units"] for name in results.data_vars)
     answer = results.attrs["answer"]
-    assert "mean V* at pressure = 0.1, D = 2.3, m = 3" in answer
+    assert "mean V* at pressure = 0.1, D = 2.3, m = 2" in answer
     assert said("show", finished).endswith(f"{answer}\n")
     loading = facts(Run.of("finished", results)).loading
     assert answer.splitlines()[0] in [f"{name}: {text}" for name, text in loading]
@@ -64,19 +73,14 @@ def test_the_answer_is_stored_beside_its_cases(finished: Path) -> None:
 
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-@pytest.mark.parametrize("place", ["here", "cluster"])
-def test_workers_change_no_number(place: str, finished: Path, cases: Path, request: pytest.FixtureRequest) -> None:
+def test_workers_change_no_number(finished: Path, cases: Path, scheduler: str) -> None:
     for path in sorted((cases / "cases").glob("*.nc"))[::3]:
         path.unlink()
-    run(STUDY, out=cases, jobs=2, scheduler=request.getfixturevalue("scheduler") if place == "cluster" else None)
+    events = Events()
+    run(STUDY, out=cases, on_event=events, scheduler=scheduler)
     assert values_of(cases).identical(values_of(finished))
     answers = [dataset.read(folder / "study.nc").attrs["answer"] for folder in (cases, finished)]
     assert answers[0] == answers[1]
-
-
-def test_a_run_from_stored_cases_tells_its_interval(cases: Path) -> None:
-    events = Events()
-    run(STUDY, out=cases, on_event=events)
     assert "V* at D = 2.3 ±" in events[-1].interval
 
 
@@ -88,7 +92,8 @@ def test_a_finished_ensemble_is_found_finished_and_collected(
         patched.setattr(rounds, "Design", None)  # nothing is estimated or solved again
         run(STUDY, out=finished, on_event=events)
     assert (finished / "study.nc").read_bytes() == before
-    assert (events[-1].cases, events[-1].kept, events[-1].work) == (72, 72, 1.0)
+    samples = len(files_of(finished))
+    assert (events[-1].cases, events[-1].kept, events[-1].work) == (samples, samples, 1.0)
     state, stored = status(STUDY, finished), dataset.read(finished / "study.nc")
     assert (state.missing, state.strange, state.collected) == ((), 0, True)
     assert values_of(collect(STUDY, finished)).identical(values_of(stored))
@@ -106,14 +111,14 @@ def test_an_answer_that_a_budget_ended_is_collected_as_stored(tmp_path: Path) ->
 
 
 def test_an_unfinished_ensemble_is_collected_without_an_answer(cases: Path) -> None:
-    sorted((cases / "cases").glob("*_m2_*.nc"))[-1].unlink()
+    sorted((cases / "cases").glob("*_m1_*.nc"))[-1].unlink()
     results = collect(STUDY, cases)
     assert "free_volume_mean" not in results
     assert "no answer yet: 1 of " in results.attrs["answer"]
     assert results.free_volume.notnull().any("step").sum() == len(files_of(cases))
 
 
-@pytest.mark.parametrize("level", ["²", "٣x", "-1", "1" * 5000, ""])
+@pytest.mark.parametrize("level", ["²", "-1", "1" * 5000, ""])
 def test_a_plan_with_a_level_that_is_no_number_is_read_without_it(finished: Path, cases: Path, level: str) -> None:
     plan = json.loads((cases / "ensemble.json").read_text(encoding="utf-8"))
     plan["2.3"][level] = 3
