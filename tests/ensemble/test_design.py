@@ -11,7 +11,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from roughvol.campaign import rounds
-from roughvol.ensemble import answer
+from roughvol.ensemble import answer, step_error
 from roughvol.ensemble.design import Design, pilot
 from roughvol.ensemble.samples import SampleTable
 from roughvol.ensemble.step_error import SHARE, StepErrors
@@ -133,7 +133,7 @@ def test_a_state_that_a_sweep_does_not_reach_is_an_error_of_the_study() -> None:
 
 def test_samples_are_values_at_the_state_between_the_steps() -> None:
     samples = []
-    for steps in (30, 240):
+    for steps in (30, 120):
         table = SampleTable(study(5, 2.3, "5 %", steps=steps), 5)
         case = table.study.sample(2.3, 5, 0)
         table.add(case, compute([case])[case.id])
@@ -147,7 +147,8 @@ def _choosing(accuracy: str, more: str = "") -> Study:
     return loads(f"surface: {{D: 2.3, m: 5}}\nensemble: {{accuracy: {{{accuracy}}}, at: {{pressure: 0.3}}}}\n{more}")
 
 
-def test_too_few_steps_are_named() -> None:
+def test_too_few_steps_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(step_error, "SURFACES", 8)
     few = _choosing("free_volume: 4 %", "sweep: {steps: 2}")
     found = driven(few, compute)
     (estimate,) = found.estimates[2.3]
@@ -159,19 +160,18 @@ def test_too_few_steps_are_named() -> None:
     assert max(enough.errors) <= SHARE
 
 
-def test_the_last_step_and_listed_states_need_no_interpolation() -> None:
+@pytest.mark.parametrize("sweep", ["{pressures: [0.1, 0.3]}", "{steps: 4, to: {pressure: 0.3}}"])
+def test_a_solved_state_needs_no_interpolation(sweep: str) -> None:
+    assert rounds.step_errors(_choosing("contact_area: 1 %", f"sweep: {sweep}")) == StepErrors((0.0,), 0)
     last = loads("surface: {D: 2.3, m: 6}\nensemble: {accuracy: {free_volume: 1 %}}")
     assert rounds.step_errors(last) == StepErrors((0.0,), 0)
-    listed = rounds.step_errors(_choosing("free_volume: 1 %", "sweep: {pressures: [0.1, 0.3]}"))
-    assert listed.errors == (0.0,)
 
 
-def test_a_state_that_a_step_reaches_needs_no_interpolation() -> None:
-    end = rounds.step_errors(_choosing("contact_area: 1 %", "sweep: {steps: 4, to: {pressure: 0.3}}"))
-    assert end == StepErrors((0.0,), 0)
-    sweep = "sweep: {steps: 4, equal: pressure, to: {pressure: 0.6}}"
-    further = rounds.step_errors(_choosing("contact_area: 1 %", sweep))
-    assert further.errors == (0.0,)
+def test_a_state_that_a_step_reaches_needs_no_interpolation(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(step_error, "STEPS", 4)
+    monkeypatch.setattr(step_error, "SURFACES", 2)
+    sweep = "sweep: {steps: 2, equal: pressure, to: {pressure: 0.6}}"
+    assert rounds.step_errors(_choosing("contact_area: 1 %", sweep)).errors == (0.0,)
 
 
 @pytest.mark.slow

@@ -76,9 +76,7 @@ def _covered(found: list[Mean], mean: float) -> float:
     return float(np.mean(np.abs(errors) <= [each.half_width for each in found]))
 
 
-@pytest.mark.parametrize(
-    ("counts", "slope"), [([300, 60, 20, 3], 1.0), ([100, 24, 24, 4], 1.0), ([40, 12], 1.0), ([300, 60, 20, 10], 0.5)]
-)
+@pytest.mark.parametrize(("counts", "slope"), [([300, 60, 20, 3], 1.0), ([40, 12], 1.0), ([300, 60, 20, 10], 0.5)])
 def test_intervals_of_chains_cover_the_mean(counts: list[int], slope: float) -> None:
     """Also with three samples on the finest level, whose own variance is often far too small.
 
@@ -166,7 +164,7 @@ def test_surfaces_alone_in_no_greater_number_change_nothing() -> None:
     assert_allclose(found.variance, values[0].var(ddof=1) / 60, rtol=0.05)
 
 
-@pytest.mark.parametrize("counts", [[60, 24, 10, 3], [24, 24, 24, 4], [30]])
+@pytest.mark.parametrize("counts", [[60, 24, 10, 3], [30]])
 def test_intervals_with_surfaces_alone_cover_the_mean(counts: list[int]) -> None:
     found = []
     for run in range(RUNS):
