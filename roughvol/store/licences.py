@@ -168,15 +168,16 @@ def _strictest(several: Iterable[str]) -> str:
 
 def _row(name: str, needed_by: list[str]) -> Licence:
     here = metadata.distribution(name)
-    return Licence(here.metadata["Name"], here.version, _licence(here), tuple(needed_by), dict(sorted(_parts(here))))
+    words = here.metadata  # parsed at every access
+    return Licence(words["Name"], words["Version"], _licence(words), tuple(needed_by), dict(sorted(_parts(here))))
 
 
-def _licence(here: metadata.Distribution) -> str:
+def _licence(words: metadata.PackageMetadata) -> str:
     """Return the expression, the short text or the classifiers of the metadata."""
-    if expression := here.metadata.get_all("License-Expression"):
+    if expression := words.get_all("License-Expression"):
         return str(expression[0])
-    text = "".join(here.metadata.get_all("License") or ()).strip()
-    classes = [line.rpartition(" :: ")[2] for line in here.metadata.get_all("Classifier") or () if _is_licence(line)]
+    text = "".join(words.get_all("License") or ()).strip()
+    classes = [line.rpartition(" :: ")[2] for line in words.get_all("Classifier") or () if _is_licence(line)]
     lines = [line.strip(" #=*") for line in text.splitlines()]
     first = next((line for line in lines if line), "")
     if len(lines) == 1 and first.upper() != "UNKNOWN":
