@@ -62,13 +62,11 @@ def test_each_file_is_the_case_that_it_is_alone() -> None:
     ("surface", "part"),
     [
         ("{files: nothing/*.npy, L: 1 um}", "no file matches"),
-        ("{files: '**/../**', L: 1 um}", "surface.files: has '..' behind"),
         ("{files: 's*/../*.npy', L: 1 um}", "surface.files: has '..' behind"),
         ("{files: [maps/m0.npy, maps/none.npy], L: 1 um}", "no such file"),
         ("{files: maps/*.npy}", "does not give the length"),
         ("{files: maps/*.npy, file: maps/other.npy, L: 1 um}", "give one of them"),
         ("{files: [maps/m0.npy, maps/../maps/m0.npy], L: 1 um}", "two files have one name"),
-        ("{files: 3, L: 1 um}", "must be a pattern or a list of files"),
         ("{files: '*/*.npy', L: 1 um}", "surface.files: matches more than 2 files"),
     ],
 )
@@ -113,9 +111,8 @@ def test_maps_materials_and_loads_make_one_dataset_and_one_figure() -> None:
     assert (ds.E.values.tolist(), ds.E.attrs["units"]) == ([5.0, 10.0], "MPa")
     np.testing.assert_allclose(ds.nominal_pressure, np.broadcast_to([0.05, 0.1], (2, 3, 2)), rtol=2e-5)
     assert bool((ds.free_volume.sel(E=10.0) > ds.free_volume.sel(E=5.0)).all())  # a stiffer body is pressed flat later
-    for material in (5, 10):
-        alone = roughvol.run(loads(MANY.replace("[5 MPa, 10 MPa]", f"{material} MPa"), f"alone{material}.yaml"), jobs=1)
-        assert (alone.free_volume.values == ds.free_volume.sel(E=material).values).all()
+    alone = roughvol.run(loads(MANY.replace("[5 MPa, 10 MPa]", "10 MPa"), "alone.yaml"), jobs=1)
+    assert (alone.free_volume.values == ds.free_volume.sel(E=10.0).values).all()
     said("plot", "many", "v_of_p", "--format", "csv")
     with Path("runs/many/figures/v_of_p.csv").open() as stream:
         assert {"E = 5 MPa", "E = 10 MPa"} == {row["curve"].partition(":")[0] for row in csv.DictReader(stream)}
@@ -123,7 +120,7 @@ def test_maps_materials_and_loads_make_one_dataset_and_one_figure() -> None:
     assert (len(rows), {row["E"] for row in rows}) == (2 * 3 * 2, {"5.0", "10.0"})
     assert "E = 5 MPa" in said("show", "many", "--at", "pressure=0.07MPa")
     assert "E = 10 MPa" in said("compare", "many")
-    said("plot", "many")
+    said("plot", "many", "fig04a")
     assert Path("runs/many/figures/E_5_MPa").is_dir()
 
 
@@ -169,8 +166,8 @@ def test_progress_names_combinations_and_an_unfinished_run_is_named() -> None:
 
 
 def test_many_combinations_leave_room_for_their_figure() -> None:
-    text = "surface: {D: 2.3, m: 2, seeds: 1}\nmaterial: {E: [1, 2, 3, 4, 5, 6, 7, 8], nu: [0.3, 0.5]}\n"
-    text += "sweep: {steps: 2}\nrecord: {region: [none, {x: [0, 0.5], y: [0, 1]}]}"
+    text = "surface: {D: 2.3, m: 2, seeds: 1}\nmaterial: {E: [1, 2, 3, 4, 5, 6, 7, 8], nu: [0.1, 0.3, 0.5]}\n"
+    text += "sweep: {steps: 2}"
     roughvol.run(loads(text, "many.yaml"), jobs=1)
     figure = content.draw("v_of_p", content.parts([("many", dataset.read(Path("runs/many/study.nc")))]))
     figure.draw_without_rendering()  # a warning of matplotlib is an error of the test

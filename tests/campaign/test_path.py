@@ -200,14 +200,6 @@ def test_listed_loads_may_fall_on_a_leg(hardness: str) -> None:
     assert ds.leg.values.tolist() == [1, 1, 2, 2, 3, 3]
 
 
-def test_elastic_contact_retraces_and_metal_does_not() -> None:
-    there_and_back = "sweep: [{steps: 5, to: {indentation: 2}}, {steps: 4, to: {indentation: 0.4}}]\n"
-    for material, equal in (("", True), (HARD, False)):
-        ds = solved(PLAIN + there_and_back + material)
-        up, down = ds.mean_pressure.values[:4][::-1], ds.mean_pressure.values[5:]
-        assert np.allclose(up, down, rtol=1e-5) == equal
-
-
 def test_one_leg_in_a_list_is_the_sweep_with_its_number() -> None:
     one, other = (solved(f"{PLAIN}sweep: {text}\n") for text in ("{steps: 3}", "[{steps: 3}]"))
     assert_array_equal(one.mean_pressure, other.mean_pressure)

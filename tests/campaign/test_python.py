@@ -20,7 +20,7 @@ from numpy.testing import assert_allclose
 import roughvol
 from roughvol.errors import FolderError, StudyError, SurfaceError
 from roughvol.store import lock
-from roughvol.study import load, loads, of_data
+from roughvol.study import loads, of_data
 from tests.kit import call, refused
 
 pytestmark = pytest.mark.usefixtures("here")
@@ -37,7 +37,7 @@ def _heights() -> np.ndarray:
 
 
 def test_press_gives_numbers_in_units_and_leaves_nothing_on_disk() -> None:
-    ds = roughvol.press(_heights(), **SEAL, to={"pressure": "0.1 MPa"}, steps=2)
+    ds = roughvol.press(_heights(), **SEAL, to={"pressure": "0.1 MPa"}, steps=1)
     assert_allclose(float(ds.nominal_pressure[-1]), 0.1, rtol=1e-5)
     assert ds.nominal_pressure.units == "MPa"
     assert ds.mean_gap.units == "um"
@@ -48,23 +48,21 @@ def test_press_gives_numbers_in_units_and_leaves_nothing_on_disk() -> None:
 
 
 def test_press_takes_a_gas() -> None:
-    options: dict[str, Any] = {**SEAL, "to": {"pressure": "0.1 MPa"}, "steps": 3}
+    options: dict[str, Any] = {**SEAL, "to": {"pressure": "0.1 MPa"}, "steps": 1}
     options |= {"record": {"transport": {"gas_flow": "every-step"}}, "surface": {"heights_unit": "um"}}
     found = roughvol.press(_heights(), fluid={"gas": "helium", "inlet": "2 bar", "outlet": "1 bar"}, **options)
     wider = roughvol.press(_heights(), fluid={"gas": "helium", "inlet": "4 bar", "outlet": "1 bar"}, **options)
-    assert (
-        (wider.gas_transmissivity < found.gas_transmissivity).sel(axis="x").all()
-    )  # less slip at the larger mean pressure
+    # less slip at the larger mean pressure
+    assert (wider.gas_transmissivity < found.gas_transmissivity).sel(axis="x").all()
     with pytest.raises(StudyError, match=r'press: argument fluid\["inlet"\]: missing'):
         roughvol.press(_heights(), fluid={"gas": "helium"}, **options)
 
 
-@pytest.mark.parametrize("rows", [[[1.0, 2.0, 3.0], [1.0, 2.0]], [np.zeros((5, 5)), np.zeros((9, 9))]])
-def test_rows_of_different_lengths_are_named(rows: list[Any]) -> None:
-    shapes = " and ".join(str(np.shape(row)) for row in rows)
-    with pytest.raises(SurfaceError) as refused:
-        roughvol.press(rows, L=1)
-    assert f"press: argument heights: heights make no array: its rows have the shapes {shapes}" in str(refused.value)
+def test_rows_of_different_lengths_are_named() -> None:
+    with pytest.raises(
+        SurfaceError, match=r"^press: argument heights: heights make no array: its rows have the shapes"
+    ):
+        roughvol.press([[1.0, 2.0, 3.0], [1.0, 2.0]], L=1)
 
 
 def test_a_dict_is_a_study() -> None:
@@ -79,18 +77,6 @@ def test_a_dict_is_a_study() -> None:
 def load_text() -> Path:
     Path("tiny.yaml").write_text(TINY, encoding="utf-8")
     return Path("tiny.yaml")
-
-
-def test_changes_are_those_of_the_file() -> None:
-    path = load_text()
-    changed = load(path, ["surface.m=3", "sweep.to={pressure: 0.5}", "record.heights=true", "name=other"])
-    text = TINY.replace("m: 4", "m: 3").replace("indentation: 1", "pressure: 0.5")
-    assert changed == loads(f"name: other\nrecord: {{heights: true}}\n{text}")
-    legs = loads(
-        TINY.replace("{steps: 2, to: {indentation: 1}}", "[{steps: 2}, {to: {pressure: 0.1}}]"),
-        changes=["sweep[1].steps=7"],
-    )
-    assert [leg.steps for leg in legs.sweep.legs] == [2, 7]
 
 
 @pytest.mark.parametrize(
@@ -128,16 +114,16 @@ OBJECTS = [
     {"E": 0.01 * UNITS.GPa, "nu": np.float32(0.5), "L": 0.5 * UNITS.mm, "to": {"pressure": 1.0 * UNITS.bar}},
     {"E": "10 MPa", "nu": Fraction(1, 2), "L": "500 um", "to": {"pressure": xr.DataArray(0.1, attrs={"units": "MPa"})}},
     {"E": "10 MPa", "nu": Decimal("0.5"), "L": "500 um", "to": {"pressure": "0.1 MPa"}},
-    {"E": np.str_("10 MPa"), "nu": np.array(0.5), "L": "500 µm", "to": {"pressure": "0.1 MPa"}, "steps": np.int64(2)},
+    {"E": np.str_("10 MPa"), "nu": np.array(0.5), "L": "500 µm", "to": {"pressure": "0.1 MPa"}, "steps": np.int64(1)},
 ]
 
 
-@pytest.mark.parametrize("options", OBJECTS)
-def test_numbers_of_other_libraries_are_numbers(options: dict[str, Any]) -> None:
-    ds = roughvol.press(_heights(), **{"steps": 2, "surface": {"heights_unit": "um"}, **options})
-    expected = roughvol.press(_heights(), **SEAL, to={"pressure": "0.1 MPa"}, steps=2)
-    assert_allclose(ds.free_volume, expected.free_volume, rtol=1e-6)
-    assert_allclose(ds.nominal_pressure[-1] * {"MPa": 1.0, "GPa": 1e3}[ds.nominal_pressure.units], 0.1, rtol=1e-5)
+def test_numbers_of_other_libraries_are_numbers() -> None:
+    expected = roughvol.press(_heights(), **SEAL, to={"pressure": "0.1 MPa"}, steps=1)
+    for options in OBJECTS:
+        ds = roughvol.press(_heights(), **{"steps": 1, "surface": {"heights_unit": "um"}, **options})
+        assert_allclose(ds.free_volume, expected.free_volume, rtol=1e-6)
+        assert_allclose(ds.nominal_pressure[-1] * {"MPa": 1.0, "GPa": 1e3}[ds.nominal_pressure.units], 0.1, rtol=1e-5)
 
 
 def test_a_dict_holds_objects_of_numpy_pint_and_pathlib() -> None:
@@ -259,12 +245,12 @@ def test_doubts_are_warnings_of_one_class() -> None:
     """The limits of the model, once each, at the line of the caller."""
     heights = 100.0 * _heights()
     with pytest.warns(roughvol.RoughvolWarning) as seen:
-        ds = roughvol.press(heights, **SEAL, steps=2)
+        ds = roughvol.press(heights, **SEAL, steps=1)
     assert [str(one.message) for one in seen] == ds.attrs["warnings"].splitlines() != []
     assert any("rms slope" in str(one.message) for one in seen)
     assert {Path(one.filename).name for one in seen} == {Path(__file__).name}
     np.save("z.npy", heights)
-    study = {"name": "steep", "surface": {"file": "z.npy", "L": "500 um"}, "sweep": {"steps": 2}}
+    study = {"name": "steep", "surface": {"file": "z.npy", "L": "500 um"}, "sweep": {"steps": 1}}
     with pytest.warns(roughvol.RoughvolWarning, match="rms slope") as seen:
         ds = roughvol.run(study, jobs=1)
     assert [str(one.message) for one in seen] == ds.attrs["warnings"].splitlines()
@@ -291,25 +277,21 @@ def test_files_set_aside_and_long_runs_are_warnings_too() -> None:
 
 
 def test_press_keeps_the_gap_beside_other_numbers_with_units() -> None:
-    transport = {"transmissivity": "last"}
     dimensional = {"separation": "um", "pressure": "bar"}
-    ds = roughvol.press(_heights(), **SEAL, steps=2, record={"transport": transport, "dimensional": dimensional})
-    units = {name: ds[name].units for name in ("nominal_pressure", "mean_gap", "mean_plane_separation") if name in ds}
-    assert units["nominal_pressure"] == "bar"
-    assert units["mean_gap"] == "um"
+    ds = roughvol.press(_heights(), **SEAL, steps=1, record={"dimensional": dimensional})
+    assert (ds.nominal_pressure.units, ds.mean_gap.units, ds.mean_plane_separation.units) == ("bar", "um", "um")
     assert_allclose(ds.mean_gap, ds.free_volume * ds.Sq)
 
 
 def test_nu_is_stated_where_press_takes_it_by_default() -> None:
     with pytest.warns(roughvol.RoughvolWarning, match=r"argument nu is not given: 0\.3 is taken"):
-        ds = roughvol.press(_heights(), L="500 um", E="10 MPa", steps=2)
+        ds = roughvol.press(_heights(), L="500 um", E="10 MPa", steps=1)
     assert "nu: 0.3" in ds.attrs["study"]
     assert "nu is not given" in ds.attrs["warnings"]
-    given = roughvol.press(_heights(), L="500 um", E="10 MPa", nu=0.3, steps=2)
+    given = roughvol.press(_heights(), L="500 um", E="10 MPa", nu=0.3, steps=1)
     assert "nu" not in given.attrs["warnings"]
     assert_allclose(ds.nominal_pressure, given.nominal_pressure)
-    bare = roughvol.press(_heights(), L=500, steps=2)
-    assert "nu" not in bare.attrs["warnings"]
+    assert "nu" not in roughvol.press(_heights(), L=500, steps=0).attrs["warnings"]
     with pytest.raises(StudyError, match="nu: missing"):
         loads("surface: {D: 2.3, m: 4}\nmaterial: {E: 10 MPa}")
 

@@ -126,13 +126,12 @@ def test_a_plan_with_a_level_that_is_no_number_is_read_without_it(finished: Path
     assert status(STUDY, cases).done == status(STUDY, finished).done
 
 
-def test_fresh_computes_every_sample_again(finished: Path, cases: Path) -> None:
+def test_fresh_computes_every_sample_again(cases: Path) -> None:
     before = files_of(cases)
     run(STUDY, out=cases, jobs=1, fresh=True)
     after = files_of(cases)
     assert after.keys() == before.keys()
     assert all(after[name] > before[name] for name in after)
-    assert values_of(cases).identical(values_of(finished))
 
 
 def test_figures_cannot_choose_the_cases_of_an_ensemble(tmp_path: Path) -> None:

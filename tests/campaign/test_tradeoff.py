@@ -17,6 +17,7 @@ from roughvol.store import dataset, tradeoff_variables
 from roughvol.study import ACCURACY, EXPECTED, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from tests.campaign.kit import noise, solved
+from tests.drawn import shown
 from tests.kit import said
 
 
@@ -75,11 +76,9 @@ def test_convergence_in_m_is_that_of_a_geometric_series(measured: dataset.Datase
     assert convergence.time_saved(ds) == pytest.approx(0.2)
 
 
-@pytest.mark.layout
 @pytest.mark.parametrize("name", TRADEOFF)
-def test_figures_are_drawn(name: str, measured: dataset.Dataset, tmp_path: Path) -> None:
-    TRADEOFF[name](measured).savefig(tmp_path / "figure.png")
-    assert (tmp_path / "figure.png").stat().st_size > 10_000
+def test_figures_are_drawn(name: str, measured: dataset.Dataset) -> None:
+    assert shown(TRADEOFF[name](measured)) > 0
 
 
 @pytest.mark.parametrize(
@@ -105,7 +104,7 @@ def test_a_height_file_has_the_ladders_of_one_grid(tmp_path: Path) -> None:
 
 
 def test_command_writes_a_dataset_and_figures(tmp_path: Path) -> None:
-    (tmp_path / "small.yaml").write_text("surface: {D: 2.4, m: 4, seeds: 1}\nsweep: {steps: 6}\n")
+    (tmp_path / "small.yaml").write_text("surface: {D: 2.4, m: 4, seeds: 1}\nsweep: {steps: 4}\n")
     text = said("tradeoff", tmp_path / "small.yaml", "--out", tmp_path / "run")
     assert "per cent less time" in text
     assert "A* NOT converged in m" in text

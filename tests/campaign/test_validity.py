@@ -104,17 +104,6 @@ def test_without_a_hardness_and_where_pressures_end_at_it_no_shares_are_stored()
     assert (results.plastic_area_fraction.isel(step=-1) <= results.contact_area_fraction.isel(step=-1)).all()
 
 
-def test_shares_of_a_scaled_surface_are_those_of_one_that_has_these_heights(tmp_path: Path) -> None:
-    text = ONE + METAL.replace("1 GPa", "8 GPa")
-    scaled = _computed(text + "record: {heights: true}").isel(D=0, m=0, seed=0)
-    np.save(tmp_path / "z.npy", scaled.heights.transpose("x", "y").values)
-    file = text.replace("D: 2.3, m: 4, seeds: [1],", "file: z.npy, sides: free,").replace(", Sq: 0.5 um", "")
-    pressed = run_case(case_of(file, tmp_path / "s.yaml"))
-    for name in HARD:
-        assert_allclose(pressed[name].values.ravel(), scaled[name].values, rtol=1e-5)
-    assert 0.0 < scaled[HARD[0]].values[-1] < 1.0
-
-
 def test_a_run_names_the_shares_of_contact_and_load_above_the_hardness() -> None:
     found, results = _after(SMALL + METAL)["hardness"], _computed(SMALL + METAL)
     highest, beyond = int(results.mean_pressure.values.argmax()), results[HARD[1]] > LIMITS["hardness"].value
@@ -228,11 +217,6 @@ def test_states_beyond_a_limit_are_counted_from_the_least_load(
     extents = [(one.key, one.extent.states, one.extent.of_states, one.extent.first) for one in found]
     assert extents == expected
     assert all(words in one.sentence for one in found)
-
-
-def test_a_load_foreseen_beyond_a_tenth_of_the_modulus_is_named() -> None:
-    foreseen = validity.before(Setting(1.0, scaled=True), [Level("pressure", 20.0)], Sq=1.0, Sdq=0.01, L=100.0)
-    assert [one.key for one in foreseen] == ["nominal_pressure"]
 
 
 @pytest.mark.parametrize(

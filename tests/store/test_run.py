@@ -13,23 +13,14 @@ from roughvol.store import StoredRun
 from tests.kit import refused, said
 
 TEXT = """
-surface: {D: 2.3, m: 5, seeds: 1, L: 100 um, Sq: 1 um}
+surface: {D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}
 material: {E: 10 MPa, nu: 0.5}
 sweep: {pressures: [0.1 MPa, 0.2 MPa]}
 record:
   transport: {transmissivity: every-step}
   dimensional: {pressure: MPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
 """
-SCAN = TEXT.replace("{D: 2.3, m: 5, seeds: 1, L: 100 um, Sq: 1 um}", "{file: heights.txt, L: 100 um, heights_unit: um}")
-COMMANDS = (
-    ["show"],
-    ["show", "--at", "pressure=0.15 MPa"],
-    ["show", "--json"],
-    ["plot", "v_of_p"],
-    ["report"],
-    ["ask", "--leak-rate", "1e-3 mm^3/s"],
-    ["compare"],
-)
+SCAN = TEXT.replace("{D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}", "{file: heights.txt, L: 100 um, heights_unit: um}")
 
 
 @pytest.fixture(scope="module")
@@ -56,27 +47,18 @@ def _heights(seed: int) -> np.ndarray:
     return np.random.default_rng(seed).normal(size=(9, 9))
 
 
-def _refused(command: list[str], run: str) -> str:
-    others = ["scan"] if command[0] == "compare" and not run.startswith(("scan", "runs/scan")) else []
-    others = others or (["tiny"] if command[0] == "compare" else [])
-    return refused(command[0], run, *others, *command[1:])
-
-
-CHANGES = (
-    ("m: 5", "m: 4", "surface.m: 5 → 4"),
-    ("E: 10 MPa", "E: 20 GPa", 'material.E: "10 MPa" → "20 GPa"'),
-    ("seeds: 1", "seeds: 2", "surface.seeds: [0] → [0, 1]"),
-    ("1 mPa*s", "2 mPa*s", '→ "2 mPa*s"'),
-)
-
-
 @pytest.mark.parametrize(
-    ("command", "old", "new", "difference"),
-    [(command, *CHANGES[0]) for command in COMMANDS] + [(COMMANDS[0], *change) for change in CHANGES[1:]],
+    ("old", "new", "difference"),
+    [
+        ("m: 4", "m: 3", "surface.m: 4 → 3"),
+        ("E: 10 MPa", "E: 20 GPa", 'material.E: "10 MPa" → "20 GPa"'),
+        ("seeds: 1", "seeds: 2", "surface.seeds: [0] → [0, 1]"),
+        ("1 mPa*s", "2 mPa*s", '→ "2 mPa*s"'),
+    ],
 )
-def test_changed_studies_are_refused(place: Path, command: list[str], old: str, new: str, difference: str) -> None:
+def test_changed_studies_are_refused(place: Path, old: str, new: str, difference: str) -> None:
     Path("tiny.yaml").write_text(TEXT.replace(old, new), encoding="utf-8")
-    message = _refused(command, "tiny.yaml")
+    message = refused("show", "tiny.yaml")
     assert difference in message
     assert "roughvol run tiny.yaml" in message
     assert "runs/tiny" in message
@@ -96,46 +78,46 @@ def test_the_run_advised_for_a_changed_study_computes_it(place: Path) -> None:
 
 def test_a_changed_height_file_does_not_get_the_numbers_of_the_old_one(place: Path) -> None:
     np.savetxt("heights.txt", _heights(1))
-    message = _refused(["compare"], "scan.yaml")
+    message = refused("compare", "scan.yaml", "tiny")
     assert "surface.file: the content of heights.txt" in message
     assert "roughvol run scan.yaml" in message
 
 
-@pytest.mark.parametrize("command", ["card", "check", "tradeoff"])
-@pytest.mark.parametrize("changes", [(), ("--set", "name=other", "--set", "sweep.pressures=[0.1 MPa]")])
 def test_a_run_from_another_folder_does_not_take_heights_of_equal_name(
-    place: Path, monkeypatch: pytest.MonkeyPatch, command: str, changes: tuple[str, ...]
+    place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     Path("elsewhere").mkdir()
     monkeypatch.chdir("elsewhere")
     np.savetxt("heights.txt", _heights(1))
-    assert "the content of heights.txt has changed" in refused(command, "../runs/scan", *changes)
+    for command in ("card", "check", "tradeoff"):
+        for changes in ((), ("--set", "name=other", "--set", "sweep.pressures=[0.1 MPa]")):
+            assert "the content of heights.txt has changed" in refused(command, "../runs/scan", *changes)
     assert "heights.txt" in said("check", "../runs/scan", "--set", "surface.file=heights.txt")
-    assert "heights.txt" in said("check", "../scan.yaml", *changes)
+    assert "heights.txt" in said("check", "../scan.yaml")
 
 
-@pytest.mark.parametrize("run", ["scan", "runs/scan", "runs/scan/study.nc"])
+@pytest.mark.parametrize("run", ["scan", "runs/scan/study.nc"])
 def test_a_run_opens_by_its_name_without_its_height_file(place: Path, run: str) -> None:
     Path("heights.txt").unlink()
     said("show", run)
     assert StoredRun.open(run).name == "scan"
 
 
-@pytest.mark.parametrize("run", ["tiny", "runs/tiny", "runs/tiny/study.nc", "tiny.yaml"])
+@pytest.mark.parametrize("run", ["tiny", "runs/tiny/study.nc", "tiny.yaml"])
 def test_an_interrupted_extension_is_not_shown(place: Path, monkeypatch: pytest.MonkeyPatch, run: str) -> None:
     Path("tiny.yaml").write_text(TEXT.replace("seeds: 1", "seeds: 3"), encoding="utf-8")
     asked = iter([False, False, True])
     with pytest.raises(KeyboardInterrupt):
         roughvol.run("tiny.yaml", jobs=1, stopping=lambda: next(asked, True))
-    message = _refused(["show"], run)
+    message = refused("show", run)
     assert "surface.seeds: [0] → [0, 1, 2]" in message
     assert "roughvol run" in message
 
 
-@pytest.mark.parametrize("run", ["tiny", "runs/tiny", "runs/tiny/study.nc", "tiny.yaml"])
+@pytest.mark.parametrize("run", ["tiny", "runs/tiny/study.nc", "tiny.yaml"])
 def test_the_results_of_another_run_are_not_shown_as_those_of_this_one(place: Path, run: str) -> None:
     shutil.copy("runs/scan/study.nc", "runs/tiny/study.nc")
-    message = _refused(["show"], run)
+    message = refused("show", run)
     assert "surface.file" in message
     assert "runs/tiny" in message
 
@@ -146,12 +128,11 @@ def test_the_results_of_a_run_of_equal_settings_and_other_heights_are_not_those_
     shutil.copy("scan.yaml", "other/scan.yaml")
     roughvol.run("other/scan.yaml", out="runs/other", jobs=1)
     shutil.copy("runs/other/study.nc", "runs/scan/study.nc")
-    assert "heights-" in _refused(["show"], "scan")
+    assert "heights-" in refused("show", "scan")
 
 
-@pytest.mark.parametrize("text", [TEXT + "comment: measured twice\n", "# a comment\n" + TEXT, "name: tiny\n" + TEXT])
-def test_words_of_a_study_file_change_no_number(place: Path, text: str) -> None:
-    Path("tiny.yaml").write_text(text, encoding="utf-8")
+def test_words_of_a_study_file_change_no_number(place: Path) -> None:
+    Path("tiny.yaml").write_text(f"# a comment\nname: tiny\n{TEXT}comment: measured twice\n", encoding="utf-8")
     said("show", "tiny.yaml")
 
 

@@ -31,6 +31,7 @@ from tests.campaign.kit import Events, files_of, values_of
 from tests.kit import call, refused, said
 
 TEXT = "name: small\nsurface: {D: 2.4, m: 3, seeds: 4}\nsweep: {steps: 4}\n"
+HOST = platform.node().encode()
 FIELDS = (
     "name: big\nsurface: {D: 2.4, m: 6, seeds: 8}\nsweep: {steps: 4}\n"
     "record: {heights: true, fields_at: {step: [1, 2, 3, 4]}}\n"
@@ -87,10 +88,10 @@ def test_the_lock_of_a_killed_process_is_stale(study: Study, tmp_path: Path) -> 
 
 @pytest.mark.parametrize(
     "content",
-    [b"", b"{", b"[1]", b'{"host": 3}', b"\xff\xfe", json.dumps({"host": platform.node(), "pid": "1", "started": "x"})],
+    [b"", b"{", b"[1]", b'{"host": 3}', b"\xff\xfe", b'{"host": "%s", "pid": "1", "started": "x"}' % HOST],
 )
-def test_a_lock_that_says_nothing_is_stale(tmp_path: Path, content: bytes | str) -> None:
-    (tmp_path / "lock").write_bytes(content if isinstance(content, bytes) else content.encode())
+def test_a_lock_that_says_nothing_is_stale(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "lock").write_bytes(content)
     with lock.opened(tmp_path):
         assert lock.holder(tmp_path) is not None
 
@@ -253,47 +254,42 @@ def test_variables_of_a_later_version_are_left_out(study: Study, place: Path, mo
 # The same study
 
 
-@pytest.mark.parametrize("axis", ["D", "seeds"])
-def test_a_subset_of_a_stored_study_is_collected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, axis: str) -> None:
+def test_a_subset_of_a_stored_study_is_collected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = "name: s\nsurface: {D: [2.3, 2.6], m: 2, seeds: 2}\nsweep: {steps: 2}\n"
-    whole, part = (
-        loads(text),
-        loads(text.replace(*{"D": ("[2.3, 2.6]", "2.6"), "seeds": ("seeds: 2", "seeds: 1")}[axis])),
-    )
+    whole, part = loads(text), loads(text.replace("[2.3, 2.6]", "2.6").replace("seeds: 2", "seeds: 1"))
     first = execution.run(whole, out=tmp_path, jobs=1)
     before = files_of(tmp_path)
     _refuse_work(monkeypatch)
     found = run_status.status(part, tmp_path)
-    assert (len(found.done), found.missing, found.strange, found.collected) == (2, (), 2, False)
+    assert (len(found.done), found.missing, found.strange, found.collected) == (1, (), 3, False)
     results = execution.run(part, out=tmp_path, jobs=1)
-    assert results.sizes["D"] * results.sizes["seed"] == 2
+    assert results.sizes["D"] * results.sizes["seed"] == 1
     assert files_of(tmp_path) == before  # what is left out stays where it is
     assert run_status.status(part, tmp_path).collected
     xr.testing.assert_identical(values_of(execution.run(whole, out=tmp_path, jobs=1)), values_of(first))
 
 
-def test_ls_calls_a_run_finished_whose_dataset_has_its_study(place: Path) -> None:
-    assert [run.state for run in run_status.listed(place.parent)] == ["finished"]
-    (place / "study.yaml").write_text(loads(TEXT.replace("seeds: 4", "seeds: 5")).stored(), encoding="utf-8")
-    assert [run.state for run in run_status.listed(place.parent)] == ["4 of 5 finished"]
+def _states(root: Path) -> list[str]:
+    return [run.state for run in run_status.listed(root)]
+
+
+def test_ls_compares_a_run_with_its_study(place: Path) -> None:
+    assert _states(place.parent) == ["finished"]
+    for study, state in (
+        (TEXT.replace("seeds: 4", "seeds: 5"), "4 of 5 finished"),
+        (TEXT + "record: {volume_density: {bins: 5}}\n", "0 of 4 finished"),
+    ):
+        (place / "study.yaml").write_text(loads(study).stored(), encoding="utf-8")
+        assert _states(place.parent) == [state]
 
 
 def test_ls_counts_the_cases_of_a_run_of_some_cases_alone(study: Study, tmp_path: Path) -> None:
     execution.run(study, out=tmp_path / "run", jobs=1, only=[study.cases()[0].id])
-    assert [run.state for run in run_status.listed(tmp_path)] == ["1 of 4 finished"]
-
-
-def test_ls_does_not_count_cases_of_another_record(place: Path) -> None:
-    other = loads(TEXT + "record: {volume_density: {bins: 5}}\n")
-    (place / "study.yaml").write_text(other.stored(), encoding="utf-8")
-    assert [run.state for run in run_status.listed(place.parent)] == ["0 of 4 finished"]
-
-
-def test_ls_does_not_count_failures_of_another_study(study: Study, tmp_path: Path) -> None:
+    assert _states(tmp_path) == ["1 of 4 finished"]
     execution.run(study, out=tmp_path / "run", jobs=1)
     run_folder.record_failure(tmp_path / "run", "D2.40_m3_s000-00000000", "of another record", "ValueError")
     execution.run(study, out=tmp_path / "run", jobs=1)
-    assert [run.state for run in run_status.listed(tmp_path)] == ["finished"]
+    assert _states(tmp_path) == ["finished"]
 
 
 def test_ls_counts_the_cases_of_height_files_with_a_list(tmp_path: Path) -> None:
@@ -302,12 +298,10 @@ def test_ls_counts_the_cases_of_height_files_with_a_list(tmp_path: Path) -> None
     text += "sweep: {to: {pressure: 1 MPa}, steps: 2}\n"
     execution.run(loads(text, tmp_path / "map.yaml"), out=tmp_path / "run", jobs=1)
     (tmp_path / "run" / "study.nc").unlink()
-    assert [run.state for run in run_status.listed(tmp_path)] == ["2 finished"]
+    assert _states(tmp_path) == ["2 finished"]
 
 
-@pytest.mark.parametrize(
-    ("old", "new"), [("steps: 4", "steps: 5"), ("D: 2.4", "D: 2.5"), ("m: 3", "m: 2"), ("seeds: 4", "seeds: [7]")]
-)
+@pytest.mark.parametrize(("old", "new"), [("steps: 4", "steps: 5"), ("D: 2.4", "D: 2.5"), ("seeds: 4", "seeds: [7]")])
 def test_run_and_status_refuse_another_study_in_the_same_words(place: Path, old: str, new: str) -> None:
     path = _written(place.parent, TEXT.replace(old, new))
     with pytest.raises(FolderError, match="holds the results of another study:") as same:
@@ -347,20 +341,15 @@ def test_stored_files_hold_no_path_of_this_machine(tmp_path: Path) -> None:
     content = (tmp_path / "one" / "data" / "scan.npy").read_bytes()
     assert file == {"file": "scan.npy", "sha256": hashlib.sha256(content).hexdigest()}
     assert "file: data/scan.npy" in one.attrs["study"]
+    shutil.rmtree(tmp_path / "one")
+    study = Run.of("out", one).study  # the stored study is read without its height file
+    assert study is not None
+    with pytest.raises(StudyError):
+        study.cases()
     written = [path for path in (tmp_path / "one_out").rglob("*") if path.is_file()]
     assert {path.name for path in written} >= {"study.nc", "study.yaml"}
     for private in {str(tmp_path), str(Path.home()) + "/", str(Path.cwd()), "/tmp/"}:
         assert not [path for path in written if private.encode() in path.read_bytes()]
-
-
-def test_a_stored_study_is_read_without_its_height_file(tmp_path: Path) -> None:
-    results = _clone(tmp_path / "one", tmp_path / "out")
-    shutil.rmtree(tmp_path / "one")
-    study = Run.of("out", results).study
-    assert study is not None
-    assert study.sweep.steps == 2
-    with pytest.raises(StudyError):
-        study.cases()
 
 
 def test_a_height_file_that_was_moved_is_the_same_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -396,7 +385,7 @@ def test_an_altered_study_nc_is_made_again_unparsed(study: Study, place: Path, f
 
 
 def test_many_files_set_aside_are_told_of_in_few_lines(tmp_path: Path) -> None:
-    many = loads("name: small\nsurface: {D: 2.4, m: 1, seeds: 15}\nsweep: {steps: 1}\n")
+    many = loads("name: small\nsurface: {D: 2.4, m: 1, seeds: 12}\nsweep: {steps: 1}\n")
     execution.run(many, out=tmp_path, jobs=1)
     for path in (tmp_path / "cases").glob("*.nc"):
         _relabelled(path, key="0")
@@ -404,20 +393,14 @@ def test_many_files_set_aside_are_told_of_in_few_lines(tmp_path: Path) -> None:
     assert len(told) == inventory.NAMED + 1
     assert "is of another study: '0'" in told[0]
     assert "it is computed again" in told[0]
-    assert told[-1].startswith("set aside: 5 more, each with its reason beside it in ")
-    assert len(list((tmp_path / "cases" / "set_aside").glob("*.nc"))) == 15  # nothing is lost
+    assert told[-1].startswith("set aside: 2 more, each with its reason beside it in ")
+    assert len(list((tmp_path / "cases" / "set_aside").glob("*.nc"))) == 12  # nothing is lost
 
 
 def test_a_damaged_study_file_is_no_licence_to_go_on(study: Study, place: Path) -> None:
     (place / "study.yaml").write_text("surface: [")
     with pytest.raises(FolderError, match=r"another study:\n  its study\.yaml cannot be read"):
         execution.run(study, out=place)
-
-
-def test_a_name_cannot_lead_out_of_the_folder(tmp_path: Path) -> None:
-    for name in ("../up", "/tmp/x", "a/b", "..", ".hidden", "a\x00b"):
-        refused("run", _written(tmp_path, f"name: {json.dumps(name)}\n" + TEXT[12:]))
-    assert [path.name for path in tmp_path.iterdir()] == ["study.yaml"]
 
 
 def _written(place: Path, text: str) -> Path:
@@ -450,18 +433,17 @@ def test_a_run_without_a_finished_case_leaves_its_folder_to_a_changed_study(tmp_
     assert execution.run(changed, out=tmp_path, jobs=1).sizes["step"] == 2
 
 
-@pytest.mark.processes
 def test_status_works_while_a_run_is_going_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("roughvol.campaign.batch.NOTED_EVERY", 0.0)
-    study = loads("name: s\nsurface: {D: 2.5, m: 5, seeds: 4}\nsweep: {steps: 40}")
+    study = loads("name: s\nsurface: {D: 2.5, m: 5, seeds: 2}\nsweep: {steps: 20}")
     seen = []
     execution.run(study, out=tmp_path, jobs=1, on_event=lambda now: seen.append(run_status.status(study, tmp_path)))
     assert any(found.running for found in seen)
     assert all(found.holder is not None and found.holder.pid == os.getpid() for found in seen)
-    assert all(len(found.done) + len(found.running) + len(found.missing) == 4 for found in seen)
+    assert all(len(found.done) + len(found.running) + len(found.missing) == 2 for found in seen)
     assert [found for found in seen if found.running][-1].left is not None
     after = run_status.status(study, tmp_path)
-    assert (len(after.done), after.running, after.holder) == (4, (), None)
+    assert (len(after.done), after.running, after.holder) == (2, (), None)
 
 
 # Memory
@@ -615,20 +597,18 @@ def test_a_folder_that_vanishes_while_a_long_case_runs_ends_the_run_at_once(tmp_
 
 
 def test_a_stale_note_is_none_and_removed(study: Study, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (place / "progress.json").write_text(json.dumps({"running": [study.cases()[0].id], "left": 5.0}))
-    found = run_status.status(study, place)
-    assert (len(found.done), found.running, found.left) == (4, (), None)
+    def note(noted: object) -> None:
+        (place / "progress.json").write_text(json.dumps(noted))
+        found = run_status.status(study, place)
+        assert (len(found.done), found.running, found.left) == (4, (), None)
+
+    with lock.opened(place):  # notes that make no sense
+        for noted in ({"running": 5, "left": "x"}, {"running": [3, "y"]}, [1], None):
+            note(noted)
+    note({"running": [study.cases()[0].id], "left": 5.0})
     _refuse_work(monkeypatch)
     execution.run(study, out=place)
     assert not (place / "progress.json").exists()
-
-
-def test_a_note_of_a_run_that_makes_no_sense_is_none(study: Study, place: Path) -> None:
-    with lock.opened(place):
-        for noted in ({"running": 5, "left": "x"}, {"running": [3, "y"]}, [1], None):
-            (place / "progress.json").write_text(json.dumps(noted))
-            found = run_status.status(study, place)
-            assert (len(found.done), found.running, found.left) == (4, (), None)
 
 
 def test_a_folder_that_vanishes_is_told_and_not_made_again(study: Study, tmp_path: Path) -> None:

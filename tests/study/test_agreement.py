@@ -42,18 +42,19 @@ def _case(folder: Path, surface: str) -> Case:
     return case
 
 
-@pytest.mark.parametrize(("surface", "key", "said"), MAPS["agreement"])
-def test_a_file_and_a_study_that_do_not_agree_are_refused(folder: Path, surface: str, key: str, said: str) -> None:
-    with pytest.raises(StudyError, match=said) as caught:
-        _case(folder, surface)
-    assert [problem.key for problem in caught.value.problems] == [key]
+def test_a_file_and_a_study_that_do_not_agree_are_refused(folder: Path) -> None:
+    for surface, key, said in MAPS["agreement"]:
+        with pytest.raises(StudyError, match=said) as caught:
+            _case(folder, surface)
+        assert [problem.key for problem in caught.value.problems] == [key], surface
 
 
-@pytest.mark.parametrize(("surface", "L", "unit", "scale"), MAPS["units"])
-def test_heights_come_in_the_unit_of_L(folder: Path, surface: str, L: float, unit: str, scale: float) -> None:
-    case = _case(folder, surface)
-    assert (case.L, case.length_unit) == (pytest.approx(L, rel=1e-12), unit or None)
-    np.testing.assert_allclose(case_surface.surface_of(case).heights, scale * HEIGHTS, rtol=1e-12)
+def test_heights_come_in_the_unit_of_L(folder: Path) -> None:
+    for surface, L, unit, scale in MAPS["units"]:
+        case = _case(folder, surface)
+        assert (case.L, case.length_unit) == (pytest.approx(L, rel=1e-12), unit or None), surface
+        heights = case_surface.surface_of(case).heights
+        np.testing.assert_allclose(heights, scale * HEIGHTS, rtol=1e-12, err_msg=surface)
 
 
 def test_the_second_body_takes_the_unit_of_the_first_unless_it_has_its_own(folder: Path) -> None:
@@ -93,17 +94,16 @@ def test_a_number_names_a_channel(folder: Path) -> None:
 # What the user should look at
 
 
-@pytest.mark.parametrize(("surface", "said"), MAPS["absurd"])
-def test_an_absurd_size_is_noted(folder: Path, surface: str, said: str) -> None:
+def _notes(folder: Path, surface: str) -> tuple[str, ...]:
     case = _case(folder, surface)
-    notes = interpretation.notes(case, case_surface.surface_of(case))
-    assert [note for note in notes if re.search(said, note)]
+    return interpretation.notes(case, case_surface.surface_of(case))
 
 
-def test_a_sound_scan_draws_no_note(folder: Path) -> None:
+def test_an_absurd_size_is_noted(folder: Path) -> None:
+    for surface, said in MAPS["absurd"]:
+        assert [note for note in _notes(folder, surface) if re.search(said, note)], surface
     for surface in ("file: full.txt", "file: points.xyz, unit: um", "file: bare.npy, L: 7"):
-        case = _case(folder, surface)
-        assert interpretation.notes(case, case_surface.surface_of(case)) == ()
+        assert _notes(folder, surface) == ()
 
 
 def test_what_a_file_contradicts_is_placed_in_the_study(tmp_path: Path) -> None:

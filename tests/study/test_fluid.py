@@ -23,7 +23,7 @@ TEXT = """
 name: gas
 surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.4 um, seeds: 1}
 material: {E_star: 10 MPa}
-sweep: {steps: 6, to: {pressure: 1.0}}
+sweep: {steps: 4, to: {pressure: 1.0}}
 fluid: {gas: helium, inlet: 2 bar, outlet: 1 bar}
 record:
   transport: {percolation: every-step, constriction: every-step, transmissivity: every-step, gas_flow: every-step}
@@ -70,9 +70,7 @@ def test_a_gas_of_ones_own_is_that_of_the_table() -> None:
     assert_allclose(own.mean_free_path(1.0), known.mean_free_path(1.0), rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("text", "kelvin"), [("0 degC", 273.15), ("-20 degC", 253.15), ("-20 °C", 253.15), ("68 degF", 293.15)]
-)
+@pytest.mark.parametrize(("text", "kelvin"), [("-20 degC", 253.15), ("-20 °C", 253.15), ("68 degF", 293.15)])
 def test_a_temperature_may_be_below_the_zero_of_its_scale(text: str, kelvin: float) -> None:
     one = fluid(f"{{gas: air, inlet: 2 bar, outlet: 1 bar, temperature: {text}}}")
     assert_allclose(one.kelvin, kelvin, rtol=1e-12)
@@ -86,7 +84,6 @@ def test_a_temperature_may_be_below_the_zero_of_its_scale(text: str, kelvin: flo
         ("sccm", "Pa*m^3/s", 101325e-6 / 60 * 293.15 / 273.15),  # warmer gas has more volume
         ("mbar*l/s", "sccm", 0.1 * 60e6 / 101325 * 273.15 / 293.15),
         ("sccs", "sccm", 60.0),
-        ("slpm", "sccm", 1e3),
         ("msccm", "sccm", 1e-3),
         ("ksccm", "Pa*m^3/s", 1e3 * 101325e-6 / 60 * 293.15 / 273.15),
     ],
@@ -136,7 +133,7 @@ def test_a_gas_changes_neither_contact_nor_closing_nor_other_flows(results: Data
 
 
 def test_a_file_without_unit_is_refused(tmp_path: Path) -> None:
-    np.save(tmp_path / "z.npy", np.random.default_rng(0).random((9, 9)))
+    np.save(tmp_path / "z.npy", np.zeros((9, 9)))
     text = TEXT.replace("D: 2.2, m: 4, L: 100 um, Sq: 0.4 um, seeds: 1", "file: z.npy, L: 4")
     with pytest.raises(StudyError, match="needs the unit of length"):
         loads(text, tmp_path / "s.yaml").cases()
@@ -147,7 +144,7 @@ def test_a_file_without_unit_is_refused(tmp_path: Path) -> None:
 
 def test_a_leak_of_a_gas_is_asked_for_by_its_unit(results: Dataset) -> None:
     flows = results.gas_leak_rate.sel(axis="x").values.ravel()
-    wanted = float(np.sqrt(flows[2] * flows[3]))
+    wanted = float(np.sqrt(flows[1] * flows[2]))
     assert ask.is_throughput("1e-4 mbar*l/s")
     assert ask.is_throughput("2 sccm")
     assert not ask.is_throughput("1e-4 mm^3/s")
@@ -155,7 +152,7 @@ def test_a_leak_of_a_gas_is_asked_for_by_its_unit(results: Dataset) -> None:
     run, kelvin = ask.of_gas(results, "pressure")
     found = ask.ask(run, wanted, "pressure")[0].value
     pressures = results.nominal_pressure.values.ravel()
-    assert pressures[2] < found < pressures[3]
+    assert pressures[1] < found < pressures[2]
     assert kelvin == 293.15
     with pytest.raises(StudyError, match="mean free path over Sq"):
         ask.of_gas(results, "Sq")

@@ -15,7 +15,7 @@ STUDY = """
 name: layer
 surface: {D: 2.3, m: 4, L: 160 um, Sq: 1 um, seeds: 1, sides: periodic}
 material: {E: 10 MPa, nu: 0.3}
-sweep: {steps: 3, to: {pressure: 0.5 MPa}}
+sweep: {pressures: [0.2 MPa, 0.5 MPa]}
 """
 
 
@@ -41,41 +41,35 @@ def test_a_list_of_layers_has_the_numbers_of_each_layer(tmp_path):
         alone = pressed(tmp_path, **keys, **{"material.thickness": None if one == "none" else one})
         xr.testing.assert_identical(answers(every.sel(thickness=label, drop=True)), answers(alone))
     again = loads(every.attrs["study"])
-    assert [axis.words(label) for axis in again.axes for label in axis.labels if axis.name == "thickness"] == [
-        "thickness = 20 um",
-        "thickness = 50 um",
-        "thickness = none",
-    ]
+    words = [axis.words(label) for axis in again.axes for label in axis.labels if axis.name == "thickness"]
+    assert words == ["thickness = 20 um", "thickness = 50 um", "thickness = none"]
 
 
 def test_a_layer_thinner_than_a_quarter_of_the_spacing_is_refused_before_the_run(tmp_path):
-    with pytest.raises(
-        StudyError,
-        match=r"material.thickness: the layer has a thickness of 0.1 spacings.*>= 0.25.*the spacing is 10 um",
-    ):
-        roughvol.check(loads(STUDY).changed(**{"material.thickness": "1 um"}))
-    with pytest.raises(StudyError, match=r"material.thickness: the layer has a thickness of 0.1 spacings.*>= 0.25"):
-        roughvol.check(loads(STUDY).changed(**{"material.thickness": ["1 um", "20 um"]}))
+    words = r"material.thickness: the layer has a thickness of 0.1 spacings.*>= 0.25.*the spacing is 10 um"
+    for thickness in ("1 um", ["1 um", "20 um"]):
+        with pytest.raises(StudyError, match=words):
+            roughvol.check(loads(STUDY).changed(**{"material.thickness": thickness}))
     assert pressed(tmp_path, **{"material.thickness": "1 um", "solver.kernel": "fourier"}).free_volume[-1] > 0.0
 
 
 HEIGHTS = np.random.default_rng(0).normal(size=(12, 16))
-ARGUMENTS = {"L": "80 um", "E": "10 MPa", "nu": 0.49, "to": {"pressure": "0.5 MPa"}, "steps": 3}
+ARGUMENTS = {"L": "80 um", "E": "10 MPa", "nu": 0.49, "sweep": {"pressures": "0.5 MPa"}}
 
 
-@pytest.mark.parametrize(("thickness", "sides"), [("20 um", "periodic"), ("0.02 mm", "mirrored"), (20, "mirrored")])
+@pytest.mark.parametrize(("thickness", "sides"), [("0.02 mm", "periodic"), (20, "mirrored")])
 def test_press_has_the_numbers_of_the_study_of_the_layer(tmp_path, thickness, sides):
     ds = roughvol.press(HEIGHTS, **ARGUMENTS, thickness=thickness, surface={"sides": sides})
     study = {
         "name": "press",
         "surface": {"heights": HEIGHTS, "L": "80 um", "sides": sides},
         "material": {"E": "10 MPa", "nu": 0.49, "thickness": "20 um"},
-        "sweep": {"steps": 3, "to": {"pressure": "0.5 MPa"}},
+        "sweep": {"pressures": "0.5 MPa"},
         "record": {"dimensional": {"pressure": "MPa", "mean_gap": "um"}},
     }
     run = roughvol.run(study, out=tmp_path / "run", jobs=1).isel(case=0)
     xr.testing.assert_identical(answers(ds).drop_attrs(), answers(run).drop_attrs())
-    assert (ds.free_volume > roughvol.press(HEIGHTS, **ARGUMENTS, surface={"sides": sides}).free_volume)[1:].all()
+    assert (ds.free_volume > roughvol.press(HEIGHTS, **ARGUMENTS, surface={"sides": sides}).free_volume).all()
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import pickle
+import re
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -123,8 +124,8 @@ def test_the_name_is_that_of_the_file_unless_given(tmp_path: Path) -> None:
         path = tmp_path / f"{stem}.yaml"
         path.write_text(SURFACE, encoding="utf-8")
         assert load(path).name == name
-    path.write_text(SURFACE + "name: given-1_a", encoding="utf-8")
-    assert load(path).name == "given-1_a"
+    for name in ("given-1_a", "v1.2_run", "1.0", "_a.b-c", "a."):
+        assert loads(f'{SURFACE}name: "{name}"\n', path).name == name
 
 
 def test_a_byte_order_mark_is_no_part_of_the_study(tmp_path: Path) -> None:
@@ -176,7 +177,7 @@ def test_a_length_has_one_name_for_its_unit(text: str, unit: str) -> None:
     assert loads(study.to_yaml()).surface.length_unit == unit
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(
     st.text(alphabet="aAbcdegGhkKlmMnNPsuµ*/^ ·²³0123456789.-{}%", max_size=12),
     st.sampled_from(["surface: {D: 2.3, m: 4, L: '1 @'}", SURFACE + "material: {E_star: '1 @'}"]),
@@ -190,11 +191,6 @@ def test_whatever_stands_for_a_unit_is_read_or_refused(unit: str, where: str) ->
     else:
         assert loads(study.to_yaml()) == study
         assert (study.surface.length_unit is None) != (study.material.unit is None)
-
-
-def test_plain_numbers_have_an_arbitrary_unit() -> None:
-    study = loads(SURFACE + "material: {E_star: 3, hardness: 0.5}")
-    assert (study.surface.length_unit, study.material.unit, study.material.indentation_hardness) == (None, None, 0.5)
 
 
 # Writing it out again
@@ -285,31 +281,12 @@ def test_what_changes_the_answer_changes_the_id_and_nothing_else(family: str, tm
         seen |= first
 
 
-def test_the_id_of_a_height_file_follows_its_content(tmp_path: Path) -> None:
-    path, text = tmp_path / "my heights.npy", "surface: {file: my heights.npy, L: 2}"
-    np.save(path, np.zeros((3, 3)))
-    study = loads(text, tmp_path / "study.yaml")
-    (before,), (again,) = study.cases(), study.cases()
-    np.save(path, np.ones((3, 3)))
-    (after,) = study.cases()
-    assert before.id == again.id != after.id
-    assert before.id.rpartition("-")[0] == "my_heights"
-    assert replace(after, bodies=before.bodies).id == before.id
-    path.unlink()
-    with pytest.raises(StudyError, match=r"surface\.file: cannot read"):
-        study.cases()
-
-
 def test_cases_travel_between_processes() -> None:
     case = loads(FULL).cases()[3]
     copy = pickle.loads(pickle.dumps(case))
     assert copy == case
     assert (copy.id, copy.sweep.target, hash(copy)) == (case.id, case.sweep.target, hash(case))
-
-
-def test_keys_are_plain_data() -> None:
-    key = loads(FULL).cases()[0].key
-    assert json.loads(json.dumps(key, allow_nan=False)) == key
+    assert json.loads(json.dumps(case.key, allow_nan=False)) == case.key
 
 
 def test_defaults_are_part_of_the_key_written_out_or_not(tmp_path: Path) -> None:
@@ -339,20 +316,26 @@ record: {heights: false, fields_at: null, box_counting: null, volume_density: nu
     assert loads(study.stored(), stored=True) == study
 
 
-def test_the_id_of_two_bodies_follows_the_content_of_both(tmp_path: Path) -> None:
-    for name in ("a", "b"):
+def test_the_id_of_height_files_follows_the_content_of_both(tmp_path: Path) -> None:
+    for name in ("my a", "b"):
         np.save(tmp_path / f"{name}.npy", np.zeros((3, 3)))
-    study = loads("surface: {file: a.npy, L: 2, against: {file: b.npy}}", tmp_path / "study.yaml")
+    study = loads("surface: {file: my a.npy, L: 2, against: {file: b.npy}}", tmp_path / "study.yaml")
     assert loads(study.to_yaml()) == study
-    (before,) = study.cases()
-    assert (before.label, before.surface_text) == ("a.npy against b.npy", "heights of b.npy added")
-    np.save(tmp_path / "b.npy", np.ones((3, 3)))
-    (after,) = study.cases()
-    assert before.id != after.id
-    assert pickle.loads(pickle.dumps(after)) == after
-    (tmp_path / "b.npy").unlink()
-    with pytest.raises(StudyError, match=r"surface\.against\.file: cannot read"):
-        study.cases()
+    (before,), (again,) = study.cases(), study.cases()
+    assert before.id == again.id
+    assert before.id.rpartition("-")[0] == "my_a"
+    assert (before.label, before.surface_text) == ("my a.npy against b.npy", "heights of b.npy added")
+    for name, key in (("b", "surface.against.file"), ("my a", "surface.file")):
+        np.save(tmp_path / f"{name}.npy", np.ones((3, 3)))
+        (after,) = study.cases()
+        assert before.id != after.id
+        assert replace(after, bodies=before.bodies).id == before.id
+        assert pickle.loads(pickle.dumps(after)) == after
+        (tmp_path / f"{name}.npy").rename(tmp_path / "moved")
+        with pytest.raises(StudyError, match=rf"{re.escape(key)}: cannot read"):
+            study.cases()
+        (tmp_path / "moved").rename(tmp_path / f"{name}.npy")
+        before = after
 
 
 def test_lengths_of_a_measured_surface_come_in_one_unit(tmp_path: Path) -> None:
@@ -414,12 +397,6 @@ record:
     )
 
 
-def test_levels_at_the_very_end_are_reached() -> None:
-    study = loads(SURFACE + "sweep: {to: {contact_area: 0.1}}\nrecord: {fields_at: {contact_area: 0.1, step: 60}}")
-    assert study.record.fields_at is not None
-    assert len(study.record.fields_at.levels) == 2
-
-
 def test_messages_print_whatever_the_file_holds() -> None:
     for problem in problems_of('"\\e[31m": 1\nsurface: {D: "\\e[31m\\ud800", m: 4}'):
         assert str(problem).isprintable()
@@ -467,13 +444,13 @@ def _study_or_error(text: str) -> None:
     assert lines == sorted(lines)
 
 
-@settings(max_examples=80, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(st.text(st.characters() | st.sampled_from(list(":{}[]-#&*!|>'\"%@`,?\n ")), max_size=60))
 def test_any_text_is_a_study_or_a_study_error(text: str) -> None:
     _study_or_error(text)
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=50, deadline=None, derandomize=True)
 @given(st.data())
 def test_a_damaged_study_is_a_study_or_a_study_error(data: st.DataObject) -> None:
     text = FULL
@@ -501,7 +478,7 @@ PLACES = st.sampled_from(
 
 
 @pytest.mark.parametrize("text", [FULL, "surface: {H: 0.8, n: 32}\nsweep: {steps: 0}"])
-@settings(max_examples=80, deadline=None, derandomize=True)
+@settings(max_examples=30, deadline=None, derandomize=True)
 @given(changes=st.lists(st.tuples(PLACES, TREES), min_size=1, max_size=3))
 def test_any_value_anywhere_is_a_study_or_a_study_error(text: str, changes: list[tuple[tuple[str, ...], Any]]) -> None:
     study = yaml.safe_load(text)
@@ -549,15 +526,11 @@ def test_the_schema_holds_ranges_choices_and_defaults() -> None:
     assert schema["properties"]["solver"]["anyOf"][0] == {"const": "paper"}
 
 
-def test_the_schema_names_the_formats_of_height_files() -> None:
-    description = json_schema()["$defs"]["HeightFile"]["properties"]["file"]["description"]
-    assert all(f"*{ending}" in description for ending in HEIGHT_FORMATS)
-
-
 def test_the_schema_takes_the_forms_that_a_study_takes() -> None:
-    schema = json_schema()
-    assert "file" not in schema["$defs"]["HeightFile"]["required"]
-    assert schema["$defs"]["HeightFile"]["anyOf"] == [{"required": ["file"]}, {"required": ["files"]}]
+    file = json_schema()["$defs"]["HeightFile"]
+    assert all(f"*{ending}" in file["properties"]["file"]["description"] for ending in HEIGHT_FORMATS)
+    assert "file" not in file["required"]
+    assert file["anyOf"] == [{"required": ["file"]}, {"required": ["files"]}]
     values = {key.path: key.values for key in reversed(keys())}
     assert values["surface.files"] == "text; or a list of these"
     assert values["surface.variable"] == "text or a whole number >= 0"
@@ -577,26 +550,18 @@ def test_the_first_leg_may_unload_behind_its_first_state() -> None:
     assert [level.value for level in leg.listed] == [1.0, 0.5, 0.0]
 
 
-def test_whole_numbers_may_be_written_with_a_point() -> None:
-    text = "surface: {D: 2.3, m: [8.0, 7], seeds: 3.0}\nsweep: {steps: 6e1}\nrecord: {volume_density: {bins: 9.0}}\n"
-    study = loads(text)
-    same = loads(text.replace("8.0", "8").replace("3.0", "3").replace("6e1", "60").replace("9.0", "9"))
-    assert study == same
-    assert [case.id for case in study.cases()] == [case.id for case in same.cases()]
-    assert study.to_yaml() == same.to_yaml()
-    assert type(study.sweep.steps) is int
-
-
-def test_whole_numbers_of_a_height_file_may_be_written_with_a_point(tmp_path: Path) -> None:
+def test_whole_numbers_may_be_written_with_a_point(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.zeros((9, 9)))
-    text = "surface: {file: a.npy, L: 1, downsample: 2.0, outliers: {window: 7.0}}"
-    assert loads(text, tmp_path / "a.yaml") == loads(text.replace(".0", ""), tmp_path / "a.yaml")
-    assert loads("surface: {D: 2.3, m: 3, seeds: [1.0, 4]}").surface.seeds == (1, 4)
-
-
-@pytest.mark.parametrize("name", ["v1.2_run", "1.0", "_a.b-c", "a."])
-def test_a_name_may_hold_dots(name: str) -> None:
-    assert loads(SURFACE + f'\nname: "{name}"\n').name == name
+    for text in (
+        "surface: {D: 2.3, m: [8.0, 7], seeds: 3.0}\nsweep: {steps: 60.0}\nrecord: {volume_density: {bins: 9.0}}\n",
+        "surface: {D: 2.3, m: 3, seeds: [1.0, 4]}",
+        "surface: {file: a.npy, L: 1, downsample: 2.0, outliers: {window: 7.0}}",
+    ):
+        study, same = (loads(one, tmp_path / "a.yaml") for one in (text, text.replace(".0", "")))
+        assert study == same
+        assert [case.id for case in study.cases()] == [case.id for case in same.cases()]
+        assert study.to_yaml() == same.to_yaml()
+        assert type(study.sweep.steps) is int
 
 
 def test_a_stored_study_goes_without_its_files_and_names_no_folder(tmp_path: Path) -> None:
@@ -613,8 +578,10 @@ def test_a_stored_study_goes_without_its_files_and_names_no_folder(tmp_path: Pat
     assert again.stored() == study.stored()
 
 
-@pytest.mark.parametrize("seeds", ["3", "[0, 1, 2]", "[2, 1]", "[0]", "2500"])
-@pytest.mark.parametrize("material", ["{E_star: 1}", "[{E_star: 1}, {E_star: 2}]"])
+@pytest.mark.parametrize(
+    ("seeds", "material"),
+    [("3", "{E_star: 1}"), ("[2, 1]", "{E_star: 1}"), ("[0]", "[{E_star: 1}, {E_star: 2}]"), ("2500", "{E_star: 1}")],
+)
 def test_the_text_in_the_files_of_cases_is_the_study_and_short(seeds: str, material: str) -> None:
     study = loads(f"name: s\nsurface: {{D: [2.2, 2.5], m: 3, seeds: {seeds}}}\nmaterial: {material}")
     text = study.of_each_case()
@@ -623,10 +590,6 @@ def test_the_text_in_the_files_of_cases_is_the_study_and_short(seeds: str, mater
 
 
 # Studies that are shipped
-
-
-def test_the_papers_studies_are_there() -> None:
-    assert {"smoke", "gallery", "effect_of_D", "effect_of_m", "morphology"} <= {path.stem for path in CONFIGS}
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
