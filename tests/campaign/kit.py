@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import time
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,11 @@ from roughvol.store.dataset import Dataset
 from roughvol.study import Case, Study, loads
 
 DIMS = ("D", "m", "seed")
+
+
+def table(name: str) -> Any:
+    """Return the rows of a table of refusals."""
+    return tomllib.loads((Path(__file__).parent / "refusals.toml").read_text(encoding="utf-8"))[name]
 
 
 def case_of(text: str, file: Path | str = "x.yaml") -> Case:

@@ -20,7 +20,7 @@ from roughvol.store import dataset
 from roughvol.store.variants import parts_of
 from roughvol.study import load, loads
 from roughvol.study.sections import height_file
-from tests.campaign.kit import files_of
+from tests.campaign.kit import files_of, table
 from tests.kit import call, refused, said
 
 MANY = """
@@ -58,23 +58,15 @@ def test_each_file_is_the_case_that_it_is_alone() -> None:
     assert "4 of 4 cases finished, collected" in said("status", "several")
 
 
-@pytest.mark.parametrize(
-    ("surface", "part"),
-    [
-        ("{files: nothing/*.npy, L: 1 um}", "no file matches"),
-        ("{files: 's*/../*.npy', L: 1 um}", "surface.files: has '..' behind"),
-        ("{files: [maps/m0.npy, maps/none.npy], L: 1 um}", "no such file"),
-        ("{files: maps/*.npy}", "does not give the length"),
-        ("{files: maps/*.npy, file: maps/other.npy, L: 1 um}", "give one of them"),
-        ("{files: [maps/m0.npy, maps/../maps/m0.npy], L: 1 um}", "two files have one name"),
-        ("{files: '*/*.npy', L: 1 um}", "surface.files: matches more than 2 files"),
-    ],
-)
-def test_files_that_make_no_cases_are_refused(surface: str, part: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    if "more than" in part:
-        monkeypatch.setattr(height_file, "MOST_FILES", 2)
-    with pytest.raises(StudyError, match=re.escape(part)):
-        loads(f"surface: {surface}\nsweep: {{steps: 1}}\n", "several.yaml").cases()
+def test_files_that_make_no_cases_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(surface: str, part: str) -> None:
+        with pytest.raises(StudyError, match=re.escape(part)):
+            loads(f"surface: {surface}\nsweep: {{steps: 1}}\n", "several.yaml").cases()
+
+    for surface, part in table("files"):
+        refuse(surface, part)
+    monkeypatch.setattr(height_file, "MOST_FILES", 2)
+    refuse("{files: '*/*.npy', L: 1 um}", "surface.files: matches more than 2 files")
 
 
 def test_a_pattern_may_begin_above_the_study() -> None:

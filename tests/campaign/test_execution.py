@@ -21,7 +21,7 @@ from roughvol.campaign.case_surface import surface_of
 from roughvol.campaign.execution import collect, run
 from roughvol.campaign.one_case import run_case
 from roughvol.errors import CampaignError, DatasetError, FolderError, RoughvolError
-from roughvol.store import checkpoint
+from roughvol.store import checkpoint, dataset
 from roughvol.store.run_folder import checkpoint_file
 from roughvol.store.run_status import status
 from roughvol.study import Study, loads
@@ -76,13 +76,11 @@ def place(request: pytest.FixtureRequest) -> dict[str, Any]:
 # Who computes
 
 
-@pytest.mark.parametrize("place", ["here", "cluster", "processes"])
 def test_the_place_changes_no_bit_and_no_progress(
-    place: str, request: pytest.FixtureRequest, study: Study, finished: Path, tmp_path: Path
+    place: dict[str, Any], study: Study, finished: Path, tmp_path: Path
 ) -> None:
-    events, address = Events(), request.getfixturevalue("scheduler") if place == "cluster" else None
-    with workers.in_this_process(place != "processes"):
-        results = run(study, out=tmp_path, on_event=events, jobs=2, scheduler=address)
+    events = Events()
+    results = run(study, out=tmp_path, on_event=events, **place)
     xr.testing.assert_identical(values_of(results), values_of(finished))
     case = study.cases()[-1]
     alone = results.sel(D=[case.D], m=[case.m], seed=[case.seed])
@@ -347,6 +345,9 @@ def test_a_killed_run_leaves_no_process_and_is_finished_later(tmp_path: Path) ->
     assert not [child for child in children if Path(f"/proc/{child}").exists()]
     before = files_of(tmp_path / "out")
     assert 1 <= len(before) < 16
+    case = next(case for case in loads(LONG).cases() if f"{case.id}.nc" in before)
+    stored = dataset.read(tmp_path / "out" / "cases" / f"{case.id}.nc")
+    xr.testing.assert_identical(values_of(stored), values_of(run_case(case)))  # the bits of another process
     results = run(loads(LONG), out=tmp_path / "out", jobs=1)
     assert before.items() <= files_of(tmp_path / "out").items()
     assert not list((tmp_path / "out").rglob(".*"))

@@ -22,7 +22,7 @@ from roughvol.store import checkpoint
 from roughvol.store.dataset import Dataset
 from roughvol.study import loads
 from roughvol.surfaces.texture import summit_plane
-from tests.campaign.kit import case_of, noise, resumed, solved, values_of
+from tests.campaign.kit import case_of, noise, resumed, solved, table, values_of
 from tests.kit import refused, said
 
 pytestmark = pytest.mark.usefixtures("here")
@@ -483,33 +483,23 @@ def test_a_period_goes_with_every_other_feature(name: str, monkeypatch: pytest.M
 # Refusals
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (PLAIN + "sweep: {to: {separation: 40}}", r"separation=40 would end at Δ/σ = -\d+\.\d+; allowed: beyond first"),
-        (
-            PLAIN + "sweep: {steps: 2, to: {pressure: 50}}\n" + HARD,
-            r"p\* = 50 is not reached: pressures end at the hard",
-        ),
-        (UNITS + "sweep: {to: {mean_gap: 90 um}}", "mean_gap=90 um lies before the first touch; allowed: below "),
-        (YIELDING + "sweep: {to: {mean_gap: 90 um}}", "mean_gap=90 um lies before the first touch; allowed: below "),
-        (UNITS + "sweep: {to: {separation: 90 um}}", "a sweep to separation=90 um would end at "),
-        (UNITS + LEAKING + "sweep: {steps: 1, to: {leak_rate: 1e9 mm^3/s}}", r"leak_rate=1e\+09 mm\^3/s lies before"),
-        (UNITS + "sweep: {steps: 3, to: {pressure: 2}, equal: log pressure, first: 3}", r"first step is at p\* = 3"),
-        (PERIOD + "sweep: {steps: 3, to: {indentation: 50}}", "allowed on a periodic surface: up to"),
-        (PERIOD + "sweep: {steps: 3, to: {separation: 40}}", "a sweep to separation=40 would end at .*beyond first"),
-        (PERIOD + HARD + "sweep: {steps: 3, to: {separation: 40}}", "a sweep to separation=40 would end at .*beyond"),
-        (
-            PLAIN + "sweep: [{steps: 2, to: {indentation: 1}}, {steps: 2, to: {separation: %r}}]\n",
-            "leg 2 has no length",
-        ),
-    ],
-)
+STARTS = {
+    "plain+ ": PLAIN,
+    "units+ ": UNITS,
+    "leaking+ ": UNITS + LEAKING,
+    "yielding+ ": YIELDING,
+    "period+ ": PERIOD,
+    "hard period+ ": PERIOD + HARD,
+}
+
+
+@pytest.mark.parametrize(("text", "words"), table("states"))
 def test_a_case_without_its_states_is_an_error(text: str, words: str) -> None:
-    if "%r" in text:
-        text %= surface_of(case_of(PLAIN)).peak - 1.0  # d/σ at Δ/σ = 1
+    start, plus, sweep = text.partition("+ ")
+    if "%r" in sweep:
+        sweep %= surface_of(case_of(PLAIN)).peak - 1.0  # d/σ at Δ/σ = 1
     with pytest.raises(ContactError, match=words):
-        solved(text)
+        solved(STARTS[start + plus] + sweep)
 
 
 def test_two_legs_to_the_first_touch_of_elastic_contact_are_refused() -> None:

@@ -21,6 +21,7 @@ import roughvol
 from roughvol.errors import FolderError, StudyError, SurfaceError
 from roughvol.store import lock
 from roughvol.study import loads, of_data
+from tests.campaign.kit import table
 from tests.kit import call, refused
 
 pytestmark = pytest.mark.usefixtures("here")
@@ -79,27 +80,9 @@ def load_text() -> Path:
     return Path("tiny.yaml")
 
 
-@pytest.mark.parametrize(
-    ("change", "part"),
-    [
-        ("surface.q=3", "--set: surface.q: unknown key"),
-        ("surface.m=99", "--set: surface.m: must be <= 13"),
-        ("surface.m", "must be KEY=VALUE"),
-        ("surface.D.x=3", "surface.D is no mapping"),
-        ("surface.D[0]=3", "surface.D is no list"),
-        ("surface.m=[1", "not YAML"),
-        ("surfaces.m=5", "--set: surfaces: unknown key"),
-        ("material.layer.thickness=1 um", "--set: material.layer: unknown key"),
-        ("seal.lenght=1 mm", "--set: seal.lenght: unknown key"),
-        ("seal.lenght=null", "--set: seal.lenght: unknown key"),
-        ("surface.seeds=", "--set: surface.seeds: must be a whole number, given nothing"),
-        ("seal.length=3 mm", "--set: seal.width: missing"),
-    ],
-)
+@pytest.mark.parametrize(("change", "part"), table("changes"))
 def test_a_change_without_meaning_is_refused(change: str, part: str) -> None:
-    message = refused("run", load_text(), "--set", change)
-    assert part in message
-    assert "Traceback" not in message
+    assert part in refused("run", load_text(), "--set", change)
 
 
 def test_a_study_comes_from_standard_input() -> None:

@@ -27,11 +27,6 @@ def test_a_study_with_an_ensemble_reads_its_own_text() -> None:
     assert "seeds" not in study.to_yaml()
 
 
-def test_a_study_without_one_has_its_seeds() -> None:
-    assert loads(SURFACE).ensemble is None
-    assert len(loads(SURFACE).cases()) == 10
-
-
 def test_cases_are_one_sample_of_each_level() -> None:
     study = loads(SURFACE + ASKED)
     assert [case.m for case in study.cases()] == [4, 5, 6, 7]
