@@ -1,4 +1,4 @@
-"""An empty folder to work in, and a Dask cluster in this process for one file of tests.
+"""A Dask cluster in this process for one file of tests.
 
 The heartbeat of the cluster draws from the module `random`, and hypothesis refuses draws from elsewhere.
 """
@@ -6,7 +6,6 @@ The heartbeat of the cluster draws from the module `random`, and hypothesis refu
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -18,9 +17,3 @@ def scheduler() -> Iterator[str]:
     options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": ":0", "protocol": "tcp"}
     with distributed.LocalCluster(processes=False, **options) as local:
         yield local.scheduler_address
-
-
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Work in an empty folder."""
-    monkeypatch.chdir(tmp_path)

@@ -128,7 +128,7 @@ def test_work_grows_with_grid_searches_and_observables() -> None:
     ("m", "steps", "record"),
     [
         (5, 6, "{heights: true, fields_at: {step: [3, 6]}, box_counting: {}, volume_density: {}}"),
-        (3, 400, "{transport: {percolation: every-step}}"),
+        (3, 150, "{transport: {percolation: every-step}}"),
     ],
 )
 def test_disk_is_an_upper_bound(tmp_path: Path, m: int, steps: int, record: str) -> None:

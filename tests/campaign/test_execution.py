@@ -229,15 +229,12 @@ def test_another_study_in_the_same_folder_is_refused_with_the_difference(folder:
     assert all("no case of this study" in path.read_text() for path in aside.glob("*.reason.txt"))
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [("seeds: 2", "seeds: 3"), ("[2.2, 2.7]", "[2.2, 2.4, 2.7]"), ("[2, 3]", "[3, 2, 1]"), ("tiny", "renamed")],
-)
+@pytest.mark.parametrize(("old", "new"), [("seeds: 2", "seeds: 3"), ("[2, 3]", "[3, 2, 1]")])
 def test_more_cases_of_the_same_study_are_all_that_is_computed(folder: Path, old: str, new: str) -> None:
-    before, more = files_of(folder), loads(TEXT.replace(old, new))
+    before, more = files_of(folder), loads(TEXT.replace(old, new).replace("tiny", "renamed"))
     results = run(more, out=folder, jobs=1)
     assert before.items() <= files_of(folder).items()
-    assert len(files_of(folder)) == len(more.cases())
+    assert len(files_of(folder)) == len(more.cases()) > 8
     assert bool(results.converged.all())
 
 

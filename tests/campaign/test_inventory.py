@@ -16,7 +16,7 @@ from tests.campaign.kit import Events, values_of
 
 pytestmark = pytest.mark.usefixtures("here")
 
-HEAD = "surface: {D: 2.4, m: 4, seeds: 2}\nsweep: {steps: 4, to: {pressure: 1}}\n"
+HEAD = "surface: {D: 2.4, m: 3, seeds: 2}\nsweep: {steps: 4, to: {pressure: 1}}\n"
 TEXT = f"{HEAD}record: {{fields_at: {{pressure: 0.5}}, transport: {{transmissivity: every-step}}}}\n"
 OTHER = f"{HEAD}record: {{transport: {{percolation: every-step}}}}\n"
 

@@ -471,6 +471,7 @@ WORKS = {
 @pytest.mark.parametrize("name", WORKS)
 def test_a_period_goes_with_every_other_feature(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(design, "PILOT", 4)
+    monkeypatch.setattr(design, "FEW_SURFACES", 100)
     z = noise(0, 18, 16)
     z[0, 3:6] = np.nan
     np.save("z.npy", z)

@@ -35,6 +35,7 @@ STUDY = loads(TEXT)
 def few_samples() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(design, "PILOT", 8)
+        patch.setattr(design, "FEW_SURFACES", 100)
         yield
 
 

@@ -174,46 +174,38 @@ def test_the_limit_of_the_slope_is_where_the_neglected_area_reaches_a_twentieth(
 
 
 FLOW = {"unit": "GPa", "drop_text": "2 bar"}
+STILL = _states(1.0, 5.0, 20.0, np.nan)
+LEAKY = _states(0.01, 0.1, 1.0, leak_rate=[2.0, 1.0, 0.5])
 
 
 @pytest.mark.parametrize(
     ("given", "states", "expected", "words"),
     [
-        # p/E* = p*/100
-        ({"scaled": True}, _states(1.0, 5.0, 20.0, np.nan), [("nominal_pressure", 1, 3, 20.0)], "0.2 E*"),
-        ({}, _states(1.0, 5.0, 20.0, np.nan), [], ""),
+        ({"scaled": True}, STILL, [("nominal_pressure", 1, 3, 20.0)], "0.2 E*"),  # p/E* = p*/100
+        ({}, STILL, [], ""),
         # Sq = 1
         ({"thickness": 100.0}, _states(1.0, 5.0, indentation=[9.0, 30.0]), [("thickness", 1, 2, 5.0)], "0.3 of its"),
-        # p = 0.1, 1, 10 MPa; 0.2 MPa is small at the last alone, and the first has no leak rate
-        (
-            FLOW | {"drop": 0.2e-3},
-            _states(0.01, 0.1, 1.0, leak_rate=[np.nan, 1.0, 0.5]),
-            [("pressure_drop", 1, 2, 0.1)],
-            "1 MPa",
-        ),
-        (FLOW | {"drop": 1e-7}, _states(0.01, 0.1, 1.0, leak_rate=[2.0, 1.0, 0.5]), [], ""),
+        # p = 0.1, 1, 10 MPa; 0.2 MPa is small at the last alone
+        ({"drop": 0.2e-3}, LEAKY, [("pressure_drop", 2, 3, 0.01)], "1 MPa"),
+        ({"drop": 1e-7}, LEAKY, [], ""),
         *(
-            (
-                FLOW | {"drop": 1e-9, "fluid": mean},
-                _states(0.01, 0.1, 1.0, leak_rate=[2.0, 1.0, 0.5]),
-                [("fluid", opened, 3, 0.01)] * (opened > 0),
-                "opens the joint",
-            )
-            for mean, opened in ((0.05e-3, 0), (0.5e-3, 1), (2e-3, 2), (0.02, 3), (math.nan, 0))
+            ({"drop": 1e-9, "fluid": mean}, LEAKY, [("fluid", opened, 3, 0.01)] * (opened > 0), "opens the joint")
+            for mean, opened in ((0.05e-3, 0), (0.5e-3, 1), (0.02, 3), (math.nan, 0))
         ),
-        # an unloaded state is opened by no fluid
+        # an unloaded state is opened by no fluid, and one without a leak rate does not count
         (
-            FLOW | {"drop": 1e-30, "fluid": 2e-3},
+            {"drop": 1e-30, "fluid": 2e-3},
             _states(1e-17, 0.1, 1.0, leak_rate=[2.0, 1.0, 0.5]),
             [("fluid", 1, 3, 0.1)],
             "",
         ),
+        ({"drop": 0.2e-3}, _states(0.01, 0.1, leak_rate=[np.nan, 1.0]), [("pressure_drop", 1, 1, 0.1)], ""),
     ],
 )
 def test_states_beyond_a_limit_are_counted_from_the_least_load(
     given: dict[str, Any], states: Dataset, expected: list[tuple[str, int, int, float]], words: str
 ) -> None:
-    found = validity.after(Setting(1.0, **given), states)
+    found = validity.after(Setting(1.0, **(FLOW if "drop" in given else {}), **given), states)
     extents = [(one.key, one.extent.states, one.extent.of_states, one.extent.first) for one in found]
     assert extents == expected
     assert all(words in one.sentence for one in found)

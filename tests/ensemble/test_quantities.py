@@ -33,6 +33,13 @@ def _series(case: Case) -> Series:
     return series_of(_arrays(case))
 
 
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ensembles of few samples and few surfaces without a solve."""
+    monkeypatch.setattr(design, "PILOT", 8)
+    monkeypatch.setattr(design, "FEW_SURFACES", 100)
+
+
 def test_the_pressure_at_which_the_void_closes_is_that_of_a_sweep_to_percolation() -> None:
     for axis, name in (("both", ""), ("x", "_x"), ("y", "_y")):
         exact_case = _case(f"{{percolation: {axis}}}", 6, "")
@@ -102,8 +109,7 @@ def test_a_quantity_without_a_state_has_a_state_of_its_own() -> None:
         assert [target.state.label for target in targets_of(study.ensemble)] == states
 
 
-def test_the_mean_of_a_quantity_of_the_void_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(design, "PILOT", 8)
+def test_the_mean_of_a_quantity_of_the_void_is_stored(tmp_path: Path, small: None) -> None:
     text = "surface: {D: 2.3, m: 3}\nsweep: {steps: 2, to: percolation}\nrecord: {transport: {percolation: every-step}}"
     asked = "\nensemble: {accuracy: {percolation_pressure: 50 %}}"
     results = run(loads(text + asked), out=tmp_path, jobs=1)
@@ -142,8 +148,7 @@ def test_a_step_that_reaches_a_state_to_the_tolerance_is_that_state(missed: floa
     assert value_at(series, "transmissivity", Level("pressure", 0.1), case) == series["transmissivity"][1]
 
 
-def test_an_ensemble_at_listed_loads_has_a_mean_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(design, "PILOT", 8)
+def test_an_ensemble_at_listed_loads_has_a_mean_there(tmp_path: Path, small: None) -> None:
     text = (
         "surface: {D: 2.3, m: 3}\nsweep: {pressures: [0.2, 0.4]}\n"
         "record: {transport: {transmissivity: every-step}}\n"

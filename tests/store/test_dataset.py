@@ -75,14 +75,6 @@ def test_table_is_complete_and_names_differ_by_more_than_case() -> None:
     assert all(VARIABLES[dim].dims == dim for dim in dims)
 
 
-def test_round_trip(tmp_path: Path) -> None:
-    built = _build()
-    dataset.write(built, tmp_path / "a.nc")
-    stored = dataset.read(tmp_path / "a.nc")
-    xr.testing.assert_identical(stored, built)
-    assert stored["field_at"].values.tolist() == ["step=2", "contact_area=0.9"]
-
-
 def test_whatever_is_stored_is_described_for_plain_xarray(tmp_path: Path) -> None:
     dataset.write(dataset.combine([_build(), _build(m=2)], _of_study()), tmp_path / "a.nc")
     with xr.open_dataset(tmp_path / "a.nc") as opened:

@@ -33,7 +33,7 @@ from tests.kit import call, refused, said
 TEXT = "name: small\nsurface: {D: 2.4, m: 3, seeds: 4}\nsweep: {steps: 4}\n"
 HOST = platform.node().encode()
 FIELDS = (
-    "name: big\nsurface: {D: 2.4, m: 6, seeds: 8}\nsweep: {steps: 4}\n"
+    "name: big\nsurface: {D: 2.4, m: 6, seeds: 5}\nsweep: {steps: 4}\n"
     "record: {heights: true, fields_at: {step: [1, 2, 3, 4]}}\n"
 )
 
@@ -555,7 +555,7 @@ def test_a_full_disk_is_told_and_what_is_finished_stays(small_disk: Path, tmp_pa
     with pytest.raises(FolderError, match=r"cannot write .*: the disk is full"):
         execution.run(study, out=small_disk / "run", jobs=1)
     found = run_status.status(study, small_disk / "run")
-    assert 1 <= len(found.done) < 8
+    assert 1 <= len(found.done) < 5
     assert not found.damaged
     assert not list((small_disk / "run").rglob("*.part"))
     before = files_of(small_disk / "run")
