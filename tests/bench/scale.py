@@ -35,6 +35,25 @@ COMMANDS = {
 }
 
 
+def bits_of(folder: Path) -> dict[str, dict[str, Any]]:
+    """Return dimensions, type and bytes of all numbers of the finished cases by file, without times."""
+    from roughvol.store import dataset
+
+    return {
+        path.name: {
+            name: (
+                dims,
+                values.dtype.str,
+                values.shape,
+                values.tobytes() if values.dtype != object else values.tolist(),
+            )
+            for name, (dims, values) in dataset.read_arrays(path)[0].items()
+            if name not in dataset.TIMES
+        }
+        for path in (folder / "cases").glob("*.nc")
+    }
+
+
 def measured(command: tuple[str, ...], folder: Path) -> tuple[float, float, float]:
     """Return processor time [s], time by the clock [s] and the largest memory [bytes] of a command."""
     began = time.perf_counter()
@@ -53,7 +72,7 @@ def killed_worker(text: str, folder: Path) -> str:
     # Not above: the memory of a child counts that of the process that starts it.
     from roughvol.campaign import execution
     from roughvol.study import loads
-    from tests.campaign.kit import Dask, bits_of
+    from tests.campaign.kit import Dask
 
     study = loads(text)
     (folder / "dask").mkdir()

@@ -56,23 +56,6 @@ def files_of(folder: Path) -> dict[str, int]:
     return {path.name: path.stat().st_mtime_ns for path in (folder / "cases").glob("*.nc")}
 
 
-def bits_of(folder: Path) -> dict[str, dict[str, Any]]:
-    """Return dimensions, type and bytes of all numbers of the finished cases by file, without times."""
-    return {
-        path.name: {
-            name: (
-                dims,
-                values.dtype.str,
-                values.shape,
-                values.tobytes() if values.dtype != object else values.tolist(),
-            )
-            for name, (dims, values) in dataset.read_arrays(path)[0].items()
-            if name not in dataset.TIMES
-        }
-        for path in (folder / "cases").glob("*.nc")
-    }
-
-
 def noise(seed: int, *shape: int) -> np.ndarray:
     """Return independent normal heights."""
     return np.random.default_rng(seed).normal(size=shape)

@@ -25,13 +25,6 @@ def pressed(tmp_path, **keys):
     return roughvol.run(study, out=tmp_path / str(len(list(tmp_path.iterdir()))), jobs=1).squeeze()
 
 
-def test_a_thick_layer_is_the_half_space_and_a_thin_one_is_stiffer(tmp_path):
-    half, thick, thin = (pressed(tmp_path, material__thickness=thickness) for thickness in (None, "20 mm", "0.01 mm"))
-    np.testing.assert_allclose(thick.free_volume, half.free_volume, rtol=1e-6)
-    assert thin.free_volume[-1] > 1.1 * half.free_volume[-1]  # at one pressure
-    assert thin.contact_area_fraction[-1] < half.contact_area_fraction[-1]
-
-
 def test_a_list_of_layers_has_the_numbers_of_each_layer(tmp_path):
     keys, layers = {"material.E": ["10 MPa", "30 MPa"]}, ["20 um", "0.05 mm", "none"]
     every = pressed(tmp_path, **keys, **{"material.thickness": layers})

@@ -50,9 +50,6 @@ def test_every_combination_is_a_case_with_D_and_m() -> None:
     assert len({case.id for case in made}) == 8
     assert {case.spectrum.cut for case in made if case.spectrum} == {32.0}  # of the finest grid: levels are nested
     assert made[0].id.startswith("D2.80_m4_s005-")
-
-
-def test_the_paper_solver_takes_64_nodes() -> None:
     assert loads("surface: {H: 0.8, n: 64}\nsolver: paper").solver.method == "paper"
 
 
