@@ -8,7 +8,7 @@ from roughvol.campaign import rounds
 from roughvol.ensemble import prediction
 from roughvol.ensemble.step_error import StepErrors
 from roughvol.study import loads
-from tests.ensemble.kit import driven
+from tests.ensemble.kit import drawn, driven, made
 from tests.kit import call
 
 SURFACE = "surface: {D: 2.3, m: 4}\nsweep: {steps: 6}\n"
@@ -33,15 +33,14 @@ def test_the_expected_cost_is_that_of_the_run_to_a_factor_of_two(name: str) -> N
     assert row.steps == 6
 
 
-def test_finer_levels_need_fewer_samples(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(prediction, "FINEST", 5)
-    monkeypatch.setattr(prediction, "SEEDS", 24)
-    text = "surface: {D: [2.2, 2.8], m: 10}\nsweep: {steps: 10}\n"
-    text += "ensemble: {accuracy: {free_volume: 1 %}, at: {pressure: 0.3}}"
-    smooth, rough = rounds.expected(loads(text))
+def test_finer_levels_need_fewer_samples() -> None:
+    text = "surface: {D: [2.2, 2.8], m: 10}\nensemble: {accuracy: {free_volume: 1 %}, at: last}"
+    planned, compute = prediction.Prediction(loads(text)), made({m: 1.0 + 2.0**-m for m in (4, 5, 6)})
+    smooth, rough = planned.expected(compute(planned.request.cases), drawn(planned.request.surfaces))
     counts = list(smooth.samples.values())
     assert list(smooth.samples) == [4, 5, 6, 7, 8, 9, 10]
-    assert counts[2:] == sorted(counts[2:], reverse=True)  # beyond the pilot of the levels that are solved
+    assert counts == sorted(counts, reverse=True)
+    assert counts[0] > 10 * counts[-1]
     assert smooth.plain / smooth.seconds > rough.plain / rough.seconds > 1.0
 
 
