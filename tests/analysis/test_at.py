@@ -30,7 +30,7 @@ from tests.kit import LEAKING, answered, ran, refused, said
 
 SEAL = """
 name: seal
-surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: 5}
+surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: 3}
 material: {E_star: 10 MPa}
 sweep: {steps: 10, to: percolation}
 record:
@@ -46,7 +46,7 @@ record: {transport: {transmissivity: every-step}}
 """
 LIFT = """
 name: lift
-surface: {D: 2.2, m: 5, L: 200 um, Sq: 0.5 um, seeds: [3, 4, 5], sides: periodic}
+surface: {D: 2.2, m: 4, L: 200 um, Sq: 0.5 um, seeds: [3, 4, 5], sides: periodic}
 material: {E_star: 10 MPa}
 sweep: {steps: 4, to: {pressure: 0.05 MPa}}
 record:
@@ -65,23 +65,29 @@ record:
   fluid_pressure: {inlet: 0.1 bar, outlet: 0 bar, at: last, coupling: one-way}
   dimensional: {pressure: MPa, gas_leak_rate: mbar*l/s}
 """
-STUDIES = {"seal": SEAL, "path": PATH, "lift": LIFT, "gas": GAS}
+FLUX = """
+name: flux
+surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: 2}
+material: {E_star: 10 MPa}
+sweep: {pressures: [0.02 MPa, 0.05 MPa, 0.1 MPa]}
+record:
+  transport: {percolation: every-step, transmissivity: every-step, flux_at: {pressure: [0.01 MPa, 0.035 MPa]}}
+  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
+"""
+SWEEP = "{steps: 10, to: percolation}"
+CLOSING = SEAL.replace("percolation: every-step", "percolation: every-step, closing: true")
 
 
 @pytest.fixture(scope="module", autouse=True)
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("at")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        for name, text in STUDIES.items():
-            Path(f"{name}.yaml").write_text(text, encoding="utf-8")
-            roughvol.run(f"{name}.yaml")
-    return folder
+def _folder(there: Path) -> None:
+    for name, text in {"seal": SEAL, "path": PATH, "lift": LIFT, "gas": GAS, "flux": FLUX}.items():
+        Path(f"{name}.yaml").write_text(text, encoding="utf-8")
+        roughvol.run(f"{name}.yaml")
 
 
-@pytest.fixture(autouse=True)
-def _inside(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(folder)
+def _made(text: str, folder: Path, sweep: str = SWEEP) -> Dataset:
+    """A run of another sweep."""
+    return roughvol.run(loads(text.replace(SWEEP, sweep)), out=folder / "made", jobs=1)
 
 
 def _run(name: str) -> Run:
@@ -93,27 +99,18 @@ def _groups(run: Run) -> list[Dataset]:
 
 
 @pytest.mark.parametrize(
-    ("text", "leg", "label"),
+    ("text", "label"),
     [
-        ("pressure=0.5", 1, "pressure=0.5, leg 1"),
-        ("p=0.5, leg 2", 2, "pressure=0.5, leg 2"),
-        ("pressure=1.2", 3, "pressure=1.2, leg 3"),
-        ("last", 3, "last, leg 3"),
-        ("last,leg=2", 2, "last, leg 2"),
+        ("pressure=0.5", "pressure=0.5, leg 1"),
+        ("p=0.5, leg 2", "pressure=0.5, leg 2"),
+        ("pressure=1.2", "pressure=1.2, leg 3"),
+        ("last", "last, leg 3"),
+        ("last,leg=2", "last, leg 2"),
     ],
 )
-def test_every_leg_can_be_asked_and_is_named(text: str, leg: int, label: str) -> None:
+def test_the_state_of_a_path_is_named_with_its_leg(text: str, label: str) -> None:
     run = _run("path")
-    state = at(run, _groups(run)[0], parse(text))
-    assert state.label == label
-    ds = run.dataset.isel(D=0, m=0)
-    part = ds.isel(step=np.flatnonzero(ds["leg"].values == leg))
-    for seed in range(2):
-        p, v = part["mean_pressure"].values[seed], part["free_volume"].values[seed]
-        level = parse(text)
-        order = np.argsort(p)
-        expected = v[-1] if level.kind == "last" else np.interp(float(level.value or 0.0), p[order], v[order])
-        assert float(state.data["free_volume"][seed]) == pytest.approx(expected, rel=1e-9)
+    assert at(run, _groups(run)[0], parse(text)).label == label
 
 
 @pytest.mark.parametrize("leg", [2, 3])
@@ -160,11 +157,9 @@ def test_a_state_says_how_far_apart_the_flows_of_the_steps_around_it_are() -> No
 
 
 def test_a_state_says_that_the_steps_around_it_have_no_flow(tmp_path: Path) -> None:
-    text = SEAL.replace("transmissivity: every-step", "transmissivity: {pressure: [0.05 MPa]}").replace(
-        "seeds: 5", "seeds: 1"
-    )
-    roughvol.run(loads(text), out=tmp_path / "run", jobs=1)
-    notes = [said("show", tmp_path / "run", *at) for at in (["--at", "pressure=0.05 MPa"], ["--at", "last"], [])]
+    text = SEAL.replace("transmissivity: every-step", "transmissivity: {pressure: [0.05 MPa]}")
+    _made(text.replace("seeds: 3", "seeds: 1"), tmp_path)
+    notes = [said("show", tmp_path / "made", *at) for at in (["--at", "pressure=0.05 MPa"], ["--at", "last"], [])]
     assert ["A flow is missing where a step around" in text for text in notes] == [True, False, False]
 
 
@@ -237,10 +232,7 @@ def test_a_median_of_0_is_missing_where_an_unknown_leak_decides(known: list[floa
     assert_allclose((found.value, found.count, found.surfaces), (value, len(known), len(known) + 1))
 
 
-def test_a_surface_that_closed_does_not_close_those_that_are_not_known(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_surface_that_closed_does_not_close_those_that_are_not_known(here: Path) -> None:
     text = LEAKING.replace("seeds: 1", "seeds: [1, 2], sides: mirrored").replace("Sq: 1 um", "Sq: 0.5 um")
     text = text.replace("{pressure: 0.5 MPa}", "{contact_area: 0.4}").replace("steps: 8", "steps: 5")
     ran("seal", f"{text}seal: {{length: 12 mm, width: 1 mm}}\n")
@@ -274,35 +266,21 @@ def test_a_place_lies_between_two_steps_or_on_one() -> None:
     assert float(between(group, [0], [2.5])["free_volume"][0]) == 2.0
 
 
-FLUX = """
-name: flux
-surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: 3}
-material: {E_star: 10 MPa}
-sweep: {pressures: [0.02 MPa, 0.05 MPa, 0.1 MPa]}
-record:
-  transport: {percolation: every-step, transmissivity: every-step, flux_at: {pressure: [0.01 MPa, 0.035 MPa]}}
-  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
-"""
-
-
 @pytest.mark.parametrize("pressure", ["0.01 MPa", "0.035 MPa"])
-def test_a_state_of_recorded_flux_has_the_leak_solved_for_it(pressure: str) -> None:
+def test_a_state_of_recorded_flux_has_the_leak_solved_for_it(pressure: str, tmp_path: Path) -> None:
     """Before the first step it has no other number than those recorded."""
-    Path("flux.yaml").write_text(FLUX, encoding="utf-8")
-    run = Run.of("flux", roughvol.run("flux.yaml", jobs=1))
+    run = _run("flux")
     found = at(run, _groups(run)[0], parse(f"pressure={pressure}")).data
-    listed = FLUX.replace("0.02 MPa, 0.05 MPa, 0.1 MPa", pressure).replace("name: flux", f"name: exact-{len(pressure)}")
-    Path("exact.yaml").write_text(listed.replace(", flux_at: {pressure: [0.01 MPa, 0.035 MPa]}", ""), encoding="utf-8")
-    exact = roughvol.run("exact.yaml", jobs=1).isel(D=0, m=0, step=0)  # loads are searched to `level.REACHED`
-    assert_allclose(found["leak_rate"], exact["leak_rate"], rtol=1e-4)
+    text = FLUX.replace("0.02 MPa, 0.05 MPa, 0.1 MPa", pressure)
+    exact = _made(text.replace(", flux_at: {pressure: [0.01 MPa, 0.035 MPa]}", ""), tmp_path).isel(D=0, m=0, step=0)
+    assert_allclose(found["leak_rate"], exact["leak_rate"], rtol=1e-4)  # loads are searched to `level.REACHED`
     assert_allclose(found.nominal_pressure, exact.nominal_pressure, rtol=1e-5)
     assert bool(found.residual.isnull().all()) == (pressure == "0.01 MPa")
 
 
 @pytest.mark.parametrize("load", ["pressure=35 kPa", "p=0.7", "load=0.3951171875 mN"])
-def test_a_recorded_state_is_found_by_its_load_in_any_unit(load: str, tmp_path: Path) -> None:
-    ds = roughvol.run(loads(FLUX), out=tmp_path, jobs=1)
-    found, recorded = (ds.roughvol.at(at) for at in (load, "pressure=0.035 MPa"))
+def test_a_recorded_state_is_found_by_its_load_in_any_unit(load: str) -> None:
+    found, recorded = (_run("flux").dataset.roughvol.at(at) for at in (load, "pressure=0.035 MPa"))
     assert_allclose(found.leak_rate, recorded.leak_rate, rtol=1e-12)
 
 
@@ -311,7 +289,7 @@ def test_a_state_recorded_on_a_later_leg_is_the_state_solved_for_it(tmp_path: Pa
     ends = ("0.02 MPa", "0.01 MPa", "0.1 MPa")
     legs = ", ".join(f"{{steps: 1, to: {{pressure: {end}}}}}" for end in ends)
     text = FLUX.replace("{pressures: [0.02 MPa, 0.05 MPa, 0.1 MPa]}", f"[{legs}]").replace("0.01 MPa, 0.035", "0.035")
-    ds = roughvol.run(loads(text), out=tmp_path, jobs=1)
+    ds = _made(text, tmp_path)
     for leg in ("", ", leg 3"):
         found = ds.roughvol.at(f"pressure=0.035 MPa{leg}")
         assert_allclose(found.free_volume, ds.flux_at_free_volume.isel(flux_at=0), rtol=1e-12)
@@ -319,11 +297,8 @@ def test_a_state_recorded_on_a_later_leg_is_the_state_solved_for_it(tmp_path: Pa
 
 
 def test_a_way_is_closed_from_its_solved_closing_load_on(tmp_path: Path) -> None:
-    text = SEAL.replace("{steps: 10, to: percolation}", "{pressures: [0.02 MPa, 2 MPa]}")
-    text = text.replace("record:", "record:\n  fields_at: {mean_gap: 0.05 um}").replace(
-        "every-step, trans", "every-step, closing: true, trans"
-    )
-    ds = roughvol.run(loads(text), out=tmp_path / "seal", jobs=1)
+    text = CLOSING.replace("record:", "record:\n  fields_at: {mean_gap: 0.05 um}")
+    ds = _made(text, tmp_path, "{pressures: [0.02 MPa, 2 MPa]}")
     steps = ds.roughvol.derived()
     closes = steps.closing_pressure * (steps.nominal_pressure / steps.mean_pressure).isel(step=-1)
     first, load = steps.nominal_pressure.isel(step=0), float(closes.median())
@@ -341,18 +316,15 @@ def test_a_way_is_closed_from_its_solved_closing_load_on(tmp_path: Path) -> None
 
 
 def test_a_state_before_a_first_step_at_the_closing_load_is_read(tmp_path: Path) -> None:
-    text = SEAL.replace("steps: 10", "steps: 1").replace("record:", "record:\n  fields_at: {pressure: 0.02 MPa}")
-    text = text.replace("every-step, trans", "every-step, closing: true, trans")
-    ds = roughvol.run(loads(text), out=tmp_path, jobs=1)
+    text = CLOSING.replace("record:", "record:\n  fields_at: {pressure: 0.02 MPa}")
+    ds = _made(text.replace("steps: 10", "steps: 1"), tmp_path)
     assert np.any(ds.closing_pressure.max("axis") == ds.mean_pressure.isel(step=0))
     assert_allclose(ds.roughvol.at(pressure="0.02 MPa").nominal_pressure, 0.02, rtol=1e-5)
 
 
 @pytest.mark.parametrize("step", ["0.02", "2"])
 def test_a_way_is_closed_beside_the_sweep_from_its_solved_closing_load_on(step: str, tmp_path: Path) -> None:
-    text = SEAL.replace("{steps: 10, to: percolation}", f"{{pressures: [{step} MPa]}}")
-    text = text.replace("every-step, trans", "every-step, closing: true, trans")
-    ds = roughvol.run(loads(text), out=tmp_path, jobs=1)
+    ds = _made(CLOSING, tmp_path, f"{{pressures: [{step} MPa]}}")
     closes = ds.closing_pressure * (ds.nominal_pressure / ds.mean_pressure).isel(step=-1)
     load = 1.001 * float(closes.median())
     there = ds.roughvol.at(pressure=f"{load:.9g} MPa")
@@ -365,19 +337,16 @@ def test_a_way_is_closed_beside_the_sweep_from_its_solved_closing_load_on(step: 
 
 
 def test_a_recorded_state_in_full_contact_has_no_gap(tmp_path: Path) -> None:
-    text = SEAL.replace("{steps: 10, to: percolation}", "{pressures: [0.02 MPa, 2 MPa]}")
-    text = text.replace("record:", "record:\n  fields_at: {pressure: 2 MPa}")
-    found = roughvol.run(loads(text), out=tmp_path / "seal", jobs=1).roughvol.at(pressure="2 MPa")
+    text = SEAL.replace("record:", "record:\n  fields_at: {pressure: 2 MPa}").replace("seeds: 3", "seeds: 1")
+    found = _made(text, tmp_path, "{pressures: [0.02 MPa, 2 MPa]}").roughvol.at(pressure="2 MPa")
     assert_allclose(found.contact_area_fraction, 1.0)
     assert_allclose(found.mean_gap, 0.0)
     assert_allclose(found.nominal_pressure, 2.0, rtol=1e-5)
 
 
 def test_elastic_contact_opens_at_the_load_at_which_it_closes(tmp_path: Path) -> None:
-    legs = "[{pressures: [0.01 MPa, 2 MPa]}, {pressures: [1.9 MPa, 0.01 MPa]}]"
-    text = SEAL.replace("{steps: 10, to: percolation}", legs)
-    text = text.replace("every-step, trans", "every-step, closing: true, constriction: every-step, trans")
-    ds = roughvol.run(loads(text), out=tmp_path / "seal", jobs=1)
+    text = CLOSING.replace("closing: true", "closing: true, constriction: every-step")
+    ds = _made(text, tmp_path, "[{pressures: [0.01 MPa, 2 MPa]}, {pressures: [1.9 MPa, 0.01 MPa]}]")
     closes = ds.closing_pressure * (ds.nominal_pressure / ds.mean_pressure).isel(step=0)
     for load in (0.5 * float(closes.min()), 1.001 * float(closes.median()), 1.001 * float(closes.max())):
         up, down = (ds.roughvol.at(pressure=f"{load:.9g} MPa", leg=leg) for leg in (1, 2))
@@ -390,7 +359,7 @@ def test_elastic_contact_opens_at_the_load_at_which_it_closes(tmp_path: Path) ->
 
 def test_a_listed_load_of_a_later_leg_is_the_step_solved_for_it(tmp_path: Path) -> None:
     legs = "[{pressures: [0.02 MPa, 0.08 MPa]}, {pressures: [0.05 MPa, 0.03 MPa]}]"
-    ds = roughvol.run(loads(SEAL.replace("{steps: 10, to: percolation}", legs)), out=tmp_path / "seal", jobs=1)
+    ds = _made(SEAL, tmp_path, legs)
     for step, load in ((2, "0.05 MPa"), (3, "0.03 MPa")):
         found = ds.roughvol.at(pressure=load, leg=2)
         assert_allclose(found["leak_rate"], ds["leak_rate"].isel(step=step), rtol=0.0)
@@ -407,11 +376,8 @@ def test_few_digits_need_no_power(value: float, digits: int, text: str) -> None:
 @pytest.mark.parametrize("closing", [False, True])
 def test_a_leak_is_reached_on_the_way_to_0(closing: bool, tmp_path: Path) -> None:
     """Between the last open step and the closing, by a load or by the leak that this load has."""
-    text = SEAL.replace(
-        "{steps: 10, to: percolation}", "[{steps: 7, to: {pressure: 0.4 MPa}}, {steps: 3, to: {pressure: 0.02 MPa}}]"
-    )
-    text = text.replace("percolation: every-step", f"percolation: every-step, closing: {str(closing).lower()}")
-    ds = roughvol.run(loads(text.replace("seeds: 5", "seeds: 1")), out=tmp_path, jobs=1)
+    text = (CLOSING if closing else SEAL).replace("seeds: 3", "seeds: 1")
+    ds = _made(text, tmp_path, "[{steps: 7, to: {pressure: 0.4 MPa}}, {steps: 3, to: {pressure: 0.02 MPa}}]")
     rates = ds.leak_rate.sel(axis="x").squeeze().values
     for step in np.flatnonzero((rates[:-1] > 0.0) != (rates[1:] > 0.0)):
         leg, smaller = int(ds.leg[step + 1]), max(rates[step], rates[step + 1]) * np.array([0.9, 0.1])

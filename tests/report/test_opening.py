@@ -47,10 +47,10 @@ def test_what_is_no_run_is_refused_with_its_name(run: Dataset) -> None:
         roughvol.open("tiny")
 
 
-@pytest.mark.parametrize("name", ["runs/tiny", "runs/tiny/study.nc", "tiny"])
-def test_load_of_a_run_leads_to_open(run: Dataset, name: str) -> None:
-    with pytest.raises(StudyError, match=rf"roughvol\.open\('{name}'\)"):
-        roughvol.load(name)
+def test_load_of_a_run_leads_to_open(run: Dataset) -> None:
+    for name in ("runs/tiny", "runs/tiny/study.nc", "tiny"):
+        with pytest.raises(StudyError, match=rf"roughvol\.open\('{name}'\)"):
+            roughvol.load(name)
     with pytest.raises(StudyError, match=r"cannot read the study: No such file or directory$"):
         roughvol.load("absent.yaml")
 
