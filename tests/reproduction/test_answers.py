@@ -18,7 +18,7 @@ TEXT = """
 name: trial
 surface: {D: [2.1, 2.9], m: 3}
 sweep: {steps: 6, to: {separation: -0.1}}
-ensemble: {accuracy: {free_volume: 8 %, contact_area: 20 %}, at: {pressure: 0.1, separation: 0}}
+ensemble: {accuracy: {free_volume: 12 %, contact_area: 30 %}, at: {pressure: 0.1, separation: 0}}
 """
 
 

@@ -53,7 +53,7 @@ record:
 """
 
 
-def _made(D: Sequence[float] = (2.1, 2.3, 2.9), m: Sequence[int] = (3, 4, 5), seeds: int = 2) -> xr.Dataset:
+def _made(D: Sequence[float], m: Sequence[int], seeds: int = 1) -> xr.Dataset:
     """Return a run with everything recorded."""
     return _run(f"{{D: {list(D)}, m: {list(m)}, L: {SIDE}, seeds: {seeds}}}")
 
@@ -72,7 +72,7 @@ def _with_exponent(ds: xr.Dataset) -> xr.Dataset:
 
 @pytest.fixture(scope="module")
 def study() -> xr.Dataset:
-    return _made()
+    return _made(D=(2.1, 2.3, 2.9), m=(3, 4, 5), seeds=2)
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +166,7 @@ def test_seeds_without_a_common_range_have_no_mean(study: xr.Dataset) -> None:
     apart["mean_pressure"] = study["mean_pressure"] + 1e3 * study["seed"]
     fig = FIGURES["fig06a"](apart)
     assert _line(fig, "$D = 2.1$").size == 0
-    assert shown(fig) > 1
+    assert shown(fig, layout=False) > 1
 
 
 def test_fig04b_finds_the_exponent(study: xr.Dataset) -> None:
@@ -185,7 +185,7 @@ def test_fig04b_finds_the_exponent(study: xr.Dataset) -> None:
 
 
 def test_fig04b_fits_the_four_finest_and_the_paper_only_at_its_D() -> None:
-    ds = _with_exponent(_made(D=[2.5], m=[1, 2, 3, 4, 5], seeds=1))
+    ds = _with_exponent(_made(D=[2.5], m=[1, 2, 3, 4, 5]))
     coarse = ds["contact_area_fraction"].where(ds["m"] > 1, 7.0 * ds["contact_area_fraction"])
     fig = FIGURES["fig04b"](ds.assign(contact_area_fraction=coarse))
     assert [str(line.get_label()) for line in fig.axes[1].lines[-2:]] == ["fit $0.37$", "Persson $0.50$"]
@@ -193,7 +193,7 @@ def test_fig04b_fits_the_four_finest_and_the_paper_only_at_its_D() -> None:
 
 
 def test_fig04b_draws_sweeps_of_one_step(study: xr.Dataset) -> None:
-    assert shown(FIGURES["fig04b"](study.isel(step=[-1]))) > 1
+    assert shown(FIGURES["fig04b"](study.isel(step=[-1])), layout=False) > 1
 
 
 def test_fig05_has_the_rigid_line(study: xr.Dataset) -> None:
@@ -216,7 +216,6 @@ def test_fig01_colours_the_nodes_in_the_order_of_the_recursion(study: xr.Dataset
 def test_reliefs_show_every_node_on_one_vertical_scale(single: xr.Dataset) -> None:
     fig = FIGURES["fig03"](single)
     assert len({axes.get_zlim() for axes in fig.axes}) == 1
-    assert shown(fig) > 1
     facets = [len(axes.collections[0].get_facecolor()) for axes in fig.axes]
     assert facets == [4**3, 4**4, 4**5]
     low, high = fig.axes[0].get_zlim()
@@ -224,18 +223,16 @@ def test_reliefs_show_every_node_on_one_vertical_scale(single: xr.Dataset) -> No
     np.testing.assert_allclose([low, high], [heights.min(), heights.max()], rtol=1e-12)
 
 
-def test_a_flat_surface_has_a_relief(single: xr.Dataset, tmp_path: Path) -> None:
-    FIGURES["fig02"](single.assign(heights=0.0 * single.heights)).savefig(tmp_path / "drawn.png")
+def test_a_flat_surface_has_a_relief(single: xr.Dataset) -> None:
+    assert shown(FIGURES["fig02"](single.assign(heights=0.0 * single.heights)), layout=False) > 1
 
 
 def test_fig02_takes_low_middle_and_high_D_with_their_slopes() -> None:
-    ds = _made(D=[2.1, 2.2, 2.5, 2.8, 2.9], m=[3], seeds=1)
+    ds = _made(D=[2.1, 2.2, 2.5, 2.8, 2.9], m=[3])
     titles = [axes.get_title() for axes in FIGURES["fig02"](ds).axes]
     slopes = ds["Sdq"].sel(D=[2.1, 2.5, 2.9], m=3).isel(seed=0).values
-    expected = [
-        f"$D = {D:g}$, $m = 3$, $S_{{dq}} = {slope:.3g}$" for D, slope in zip((2.1, 2.5, 2.9), slopes, strict=True)
-    ]
-    assert titles == expected
+    ends = [f"$D = {D:g}$, $m = 3$, $S_{{dq}} = {slope:.3g}$" for D, slope in zip((2.1, 2.5, 2.9), slopes, strict=True)]
+    assert titles == ends
     assert "dq" not in FIGURES["fig02"](ds.drop_vars("Sdq")).axes[0].get_title()
 
 
@@ -246,7 +243,6 @@ def test_fig08_deforms_the_surface_by_the_gap(study: xr.Dataset) -> None:
     after = before.max() - case["indentation"].isel(step=-1) - case["gap"].isel(field_at=0)
     low, high = fig.axes[1].get_zlim()
     np.testing.assert_allclose([low, high], [min(before.min(), after.min()), before.max()], rtol=1e-12)
-    assert shown(fig) > 1
     vertices = fig.axes[1].collections[0]
     blue = mpl.colors.to_rgba("#08306b")
     contact = (case["gap"].isel(field_at=0).values == 0.0)[:-1, :-1]
@@ -267,7 +263,7 @@ def test_fig09_maps_the_element_volumes(study: xr.Dataset) -> None:
 
 def test_fig09_and_fig10_of_full_contact(study: xr.Dataset) -> None:
     full = study.assign(gap=0.0 * study["gap"])
-    assert shown(FIGURES["fig09"](full)) > 1
+    assert shown(FIGURES["fig09"](full), layout=False) > 1
     assert all(np.all(axes.images[0].get_array() == 1) for axes in FIGURES["fig10"](full).axes)
 
 
@@ -319,7 +315,7 @@ def _joined(edges: np.ndarray, density: np.ndarray, line: np.ndarray) -> np.ndar
 
 
 def test_fig12a_keeps_the_share_of_the_stored_bins_at_m_7() -> None:
-    ds = _made(D=[2.2, 2.8], m=[3, 6, 8], seeds=1).assign_coords(m=[3, 7, 8])
+    ds = _made(D=[2.2, 2.8], m=[3, 5, 6]).assign_coords(m=[3, 7, 8])
     fig = FIGURES["fig12a"](ds)
     assert _title(fig) == "$m = 7$"
     case = ds.sel(D=2.8, m=7).isel(seed=0, density_at=0)
@@ -395,7 +391,7 @@ def test_a_study_of_files_draws_by_case_or_says_why_not(files: xr.Dataset, name:
         assert FIGURES[name].missing(ds) == f"{name} {words}"
         return
     fig = FIGURES[name](ds)
-    assert shown(fig) > 1
+    assert shown(fig, layout=False) > 1
     if name in (*CURVES, "fig12a"):
         assert {r"turned \$1.npy", "ground.npy"} <= {str(line.get_label()) for line in fig.axes[0].lines}
 
@@ -478,7 +474,7 @@ def test_labels_carry_the_units_of_the_dataset(study: xr.Dataset) -> None:
     assert FIGURES["fig09"](study.copy(deep=True)).axes[1].get_ylabel() == "element volume $v$ [length³]"
 
 
-@pytest.mark.parametrize("name", ["fig03", "fig09", "fig12b"])
+@pytest.mark.parametrize("name", ["fig03", "fig09"])
 def test_nothing_is_cut_off(single: xr.Dataset, name: str) -> None:
     fig = FIGURES[name](single)
     canvas = FigureCanvasAgg(fig)
@@ -488,8 +484,8 @@ def test_nothing_is_cut_off(single: xr.Dataset, name: str) -> None:
     assert all((part == 255).all() for part in edge)
 
 
-def test_the_line_of_the_paper_is_drawn_for_its_surfaces_alone(files: xr.Dataset) -> None:
-    ds = _made(D=[2.1, 2.9], m=[4, 5], seeds=1).assign_coords(m=[5, 7], L=100.0)
+def test_the_line_of_the_paper_is_drawn_for_its_surfaces_alone(single: xr.Dataset, files: xr.Dataset) -> None:
+    ds = single.sel(D=[2.1, 2.9], m=[4, 5]).assign_coords(m=[5, 7], L=100.0)
     ds["volume_density_edges"] = ds["volume_density_edges"] * 1e3
 
     def fulcrum(some: xr.Dataset) -> bool:
@@ -510,8 +506,8 @@ def _note(fig: Figure) -> str:
     return " ".join(fig.get_supxlabel().split())
 
 
-def test_a_figure_says_whether_it_is_the_papers_or_whose_run_it_is(files: xr.Dataset) -> None:
-    ds = _made(D=[2.1, 2.3, 2.9], m=[4, 5], seeds=1).assign_coords(m=[7, 8], L=100.0)
+def test_a_figure_says_whether_it_is_the_papers_or_whose_run_it_is(single: xr.Dataset, files: xr.Dataset) -> None:
+    ds = single.sel(m=[4, 5]).assign_coords(m=[7, 8], L=100.0)
     run = "name: mine\nsurface: {D: [2.1, 2.3, 2.9], m: [7, 8], L: 100.0}\nsweep: {steps: 8}\n"
     ds = ds.assign_attrs(study=run)
     assert _note(FIGURES["fig05"](ds)) == "Fig. 5 of Paggi and He (2015), computed by the run mine."
