@@ -29,14 +29,6 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return roughvol.run(STUDY, out=tmp_path_factory.mktemp("swept"))
 
 
-def test_a_surface_that_does_not_reach_a_level_is_missing(swept: Dataset) -> None:
-    ends = swept["mean_pressure"].isel(step=-1)
-    found = swept.roughvol.at(pressure=float(ends.median()))
-    assert np.array_equal(found["reached"].values, (ends >= ends.median()).values)
-    assert np.array_equal(found["free_volume"].notnull().values, found["reached"].values)
-    assert 0 < int(found["reached"].sum()) < ends.size
-
-
 def test_a_level_that_some_surfaces_alone_reach_keeps_the_labels_of_all(swept: Dataset) -> None:
     ends = swept.roughvol.derived()["nominal_pressure"].isel(step=-1)
     level = 0.999 * float(ends.max())  # no surface of 10 MPa, and one of 20 MPa

@@ -120,8 +120,6 @@ def test_a_refined_run_by_the_printed_command_narrows_the_answer(
 def test_a_closed_joint_is_asked_for_by_its_loads(closing: Dataset, folder: Path) -> None:
     found = answered("ask", folder.parent / "closing", "--closed")
     assert found["leak_rate"] is None
-    assert [row["axis"] for row in found["answers"]] == ["x", "y"]
-    assert all({"value", "interval", "unit", "surfaces", "leakiest"} <= row.keys() for row in found["answers"])
     assert found["answers"][0]["closes_inside"]
     printed = said("ask", folder.parent / "closing", "--closed", "--for", "modulus", "--at", "pressure=1kPa")
     assert "where the last way closes" in printed
