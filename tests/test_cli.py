@@ -229,6 +229,13 @@ def test_missing_study_is_refused(tmp_path: Path) -> None:
     assert "none.yaml: cannot read the study: No such file" in refused("run", tmp_path / "none.yaml")
 
 
+def test_an_address_that_no_scheduler_can_have_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text("surface: {D: 2.3, m: 3}\nsweep: {steps: 1}")
+    done = call("run", tmp_path / "s.yaml", "--scheduler", "nonsense", "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert done.stderr.startswith("error: the scheduler's address is 'nonsense'; allowed: host:port")
+
+
 def test_failed_cases_exit_with_one(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text("surface: {D: 2.3, m: 3, seeds: 2}\nsweep: {to: {separation: 90}}")
     failed = call("run", tmp_path / "s.yaml", "--out", tmp_path / "out")

@@ -123,7 +123,7 @@ def setting(study: Study) -> Setting:
         fluid=math.nan if unit is None else convert(mean, "Pa", unit) / material.contact_modulus,
         fluid_text=sides,
         lifted=record.fluid_pressure is not None,
-        thickness=dict(study.kernel(surface.length_unit).lengths).get("thickness", math.inf),
+        thickness=dict(study.kernel(surface.length_unit).lengths).get("thickness", math.inf) if scaled else math.inf,
         scaled=scaled,
         patch=asks and whole and surface.sides == "free",  # others have no rim
         measured=not isinstance(surface, MadeSurface),

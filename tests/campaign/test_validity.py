@@ -165,6 +165,13 @@ def test_slope_is_judged_where_heights_and_lengths_have_one_scale() -> None:
     assert "slope" not in _before(flat) | _after(flat)
 
 
+@pytest.mark.parametrize(("height", "named"), [("", False), ("Sq: 0.01", False), ("Sq: 0.5", True)])
+def test_a_layer_is_judged_where_heights_and_lengths_have_one_scale(height: str, named: bool) -> None:
+    text = f"surface: {{D: 2.2, m: 3, L: 5, seeds: 1, sides: periodic, {height}}}\n"
+    text += "material: {E: 1, nu: 0.3, thickness: 1}\nsweep: {steps: 2, to: {indentation: 2}}\n"
+    assert ("thickness" in _after(text)) == named
+
+
 def test_the_limit_of_the_slope_is_where_the_neglected_area_reaches_a_twentieth() -> None:
     x = np.arange(65) / 64
     wave = np.sin(2 * np.pi * (x[:, None] + 2 * x))
@@ -192,13 +199,14 @@ LEAKY = _states(0.01, 0.1, 1.0, leak_rate=[2.0, 1.0, 0.5])
             ({"drop": 1e-9, "fluid": mean}, LEAKY, [("fluid", opened, 3, 0.01)] * (opened > 0), "opens the joint")
             for mean, opened in ((0.05e-3, 0), (0.5e-3, 1), (0.02, 3), (math.nan, 0))
         ),
-        # an unloaded state is opened by no fluid, and one without a leak rate does not count
+        # an unloaded state is opened by no fluid
         (
             {"drop": 1e-30, "fluid": 2e-3},
             _states(1e-17, 0.1, 1.0, leak_rate=[2.0, 1.0, 0.5]),
             [("fluid", 1, 3, 0.1)],
             "",
         ),
+        # a state without a leak rate does not count
         ({"drop": 0.2e-3}, _states(0.01, 0.1, leak_rate=[np.nan, 1.0]), [("pressure_drop", 1, 1, 0.1)], ""),
     ],
 )
