@@ -91,8 +91,8 @@ class Multigrid:
         if self.exact:
             return self._factor.solve(inflow.ravel()).reshape(inflow.shape)
         single, pressure = inflow.astype(np.float32), np.empty(inflow.shape)
-        fine = *self._grid, self._number, single, self._first
-        _after(*fine, self._visit(_before(*fine, self._coarse(0)), 0), pressure)
+        left = _before(*self._grid, self._number, single, self._coarse(0))
+        _after(*self._grid, self._number, single, self._visit(left, 0), self._first, pressure)
         return pressure
 
     def _coarse(self, depth: int) -> Array:
@@ -181,28 +181,18 @@ def _sweep(south: Field, east: Field, own: Field) -> Single:
 
 
 @compiled
-def _before(
-    south: Single, east: Single, sweep: Single, number: Numbers, inflow: Single, first: Single, left: Array
-) -> Array:
-    """Write the pressures of a sweep to ``first``, and add up the inflow that they leave, by aggregates."""
+def _before(south: Single, east: Single, sweep: Single, number: Numbers, inflow: Single, left: Array) -> Array:
+    """Add up the inflow that a sweep leaves, by aggregates."""
     rows, columns = sweep.shape
     rest = np.float32(1.0 - DAMPING)
-    here, joint = np.empty(columns + 2, np.float32), np.empty(columns + 2, np.float32)
-    of_line = np.empty(columns, np.float32)
-    for i in range(rows):
-        for j in range(columns):
-            first[i, j] = sweep[i, j] * inflow[i, j]
     for i in range(rows):
         up, down = i - 1 if i else rows - 1, i + 1 if i + 1 < rows else 0
-        _ring(first[i], here)
-        _ring(east[i], joint)
         for j in range(columns):
-            along = south[up, j] * first[up, j] + south[i, j] * first[down, j]
-            across = joint[j] * here[j] + joint[j + 1] * here[j + 2]
-            of_line[j] = rest * inflow[i, j] + (along + across)
-        for j in range(columns):
+            back, on = j - 1 if j else columns - 1, j + 1 if j + 1 < columns else 0
+            along = south[up, j] * (sweep[up, j] * inflow[up, j]) + south[i, j] * (sweep[down, j] * inflow[down, j])
+            across = east[i, back] * (sweep[i, back] * inflow[i, back]) + east[i, j] * (sweep[i, on] * inflow[i, on])
             if number[i, j] >= 0:
-                left[number[i, j]] += of_line[j]
+                left[number[i, j]] += rest * inflow[i, j] + (along + across)
     return left
 
 
@@ -213,34 +203,24 @@ def _after(
     sweep: Single,
     number: Numbers,
     inflow: Single,
-    first: Single,
     coarse: Array,
+    first: Single,
     out: Array,
 ) -> None:
-    """Write the pressures after the coarse correction of the ``first`` ones and a sweep to ``out``."""
+    """Write the pressures after the coarse correction and a sweep to ``out``; ``first`` holds those before it."""
     rows, columns = sweep.shape
     rest = np.float32(1.0 - DAMPING)
-    here, joint = np.empty(columns + 2, np.float32), np.empty(columns + 2, np.float32)
     for i in range(rows):
         for j in range(columns):
-            if number[i, j] >= 0:
-                first[i, j] += np.float32(coarse[number[i, j]])
+            correction = np.float32(coarse[number[i, j]]) if number[i, j] >= 0 else np.float32(0.0)
+            first[i, j] = sweep[i, j] * inflow[i, j] + correction
     for i in range(rows):
         up, down = i - 1 if i else rows - 1, i + 1 if i + 1 < rows else 0
-        _ring(first[i], here)
-        _ring(east[i], joint)
         for j in range(columns):
+            back, on = j - 1 if j else columns - 1, j + 1 if j + 1 < columns else 0
             along = south[up, j] * first[up, j] + south[i, j] * first[down, j]
-            across = joint[j] * here[j] + joint[j + 1] * here[j + 2]
+            across = east[i, back] * first[i, back] + east[i, j] * first[i, on]
             out[i, j] = rest * first[i, j] + sweep[i, j] * (inflow[i, j] + (along + across))
-
-
-@compiled
-def _ring(line: Single, ring: Single) -> None:
-    """Write a line between its last and its first value: loops over it then ask nothing, and run in registers."""
-    ring[0], ring[line.size + 1] = line[-1], line[0]
-    for j in range(line.size):
-        ring[j + 1] = line[j]
 
 
 @compiled
