@@ -22,7 +22,7 @@ LITERATURE := wave_love wave_fourier wave_punch two_codes area load closing stif
 export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := setup
-.PHONY: help setup reproduce seal literature test bench bench-peers validation windows tradeoff intervals extremes pages publish-check reference public crossing docs coverage test-slow lint smoke clean
+.PHONY: help setup reproduce claims seal literature test bench bench-peers validation windows tradeoff intervals extremes pages publish-check reference public crossing docs coverage test-slow lint smoke clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
@@ -44,12 +44,17 @@ $(STAMP): pyproject.toml | $(BIN)/python
 # It needs the package alone: no tests, no tools.
 reproduce: $(PACKAGE)  ## run the paper's studies, draw its figures and the report of claims
 	@for study in $(PAPER) $(READINGS); do $(BIN)/roughvol run configs/$$study.yaml || exit $$?; done
-	@for study in $(PAPER); do $(BIN)/roughvol plot runs/$$study || exit $$?; done
+	@$(MAKE) --no-print-directory --jobs 2 claims $(PAPER:%=plot-%)
+
+claims:
 	@$(BIN)/roughvol report $(PAPER) $(READINGS) --out runs/report --check tests/regression/expected_paper.json
+
+plot-%:
+	@$(BIN)/roughvol plot runs/$*
 
 seal: $(PACKAGE)  ## run the sealing studies and report on them
 	@for study in $(SEAL); do $(BIN)/roughvol run configs/$$study.yaml || exit $$?; done
-	@for study in $(SEAL); do $(BIN)/roughvol plot runs/$$study || exit $$?; done
+	@$(MAKE) --no-print-directory --jobs 2 $(SEAL:%=plot-%)
 	@$(BIN)/roughvol report $(SEAL) --out runs/seal_report
 
 literature: setup  ## run the studies of the literature and report on its numbers

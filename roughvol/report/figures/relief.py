@@ -32,7 +32,8 @@ def reliefs(surfaces: Sequence[DataArray], titles: Sequence[str], height: str, c
         ax: Any = fig.add_subplot(rows, columns, k + 1, projection="3d")
         # Every node is drawn (a stride of two would show the next coarser surface), as pixels in vector formats too.
         options = {"rstride": 1, "cstride": 1, "shade": False, "antialiased": False, "lw": 0, "rasterized": True}
-        ax.plot_surface(*np.meshgrid(x, y, indexing="ij"), heights.values, facecolors=colours, **options)
+        facets = ax.plot_surface(*np.meshgrid(x, y, indexing="ij"), heights.values, **options)
+        facets.set_facecolor(colours[:-1, :-1].reshape(-1, 4))  # `facecolors` would be read facet by facet
         ax.set(xlim=(0, x[-1]), xticks=[0, x[-1] / 2, x[-1]], ylim=(0, y[-1]), yticks=[y[-1] / 2, y[-1]])
         ax.set(zlim=(low, high), xlabel="$x/L$", ylabel="$y/L$", zlabel=height)
         ax.set_title(title, y=0.98)

@@ -15,7 +15,7 @@ import numpy as np
 from roughvol.analysis.stored_run import Run
 from roughvol.report.figures.cases import nearest
 from roughvol.reproduction.claims.area_and_volume import EXPONENT, EXPONENT_ROUNDING, exponents
-from roughvol.reproduction.claims.density import EDGES, FULCRUM, F, densities, fulcrum, moments
+from roughvol.reproduction.claims.density import EDGES, FULCRUM, F, densities, fulcrum, moments, values_by_D
 from roughvol.reproduction.claims.evidence import D_SIGMA, TEXTS, A, Evidence, Lacking, P, V, at
 from roughvol.reproduction.claims.shape import REACHED, field
 from roughvol.reproduction.claims.statistics import bootstrap, exact, mean, single, slope
@@ -117,7 +117,8 @@ def _spread_at_one(run: Run, key: str, scale: float, largest: float) -> Number:
     if key == "contact":
         # contact in: f falls by the share of open elements outside the first bin (v = 1 is not in it)
         data = {D: (f * (1.0 - run.last(A, D=D, m=m))[:, np.newaxis], edges) for D, (f, edges) in data.items()}
-    return bootstrap(key, "spread of f(1) over D", lambda seeds: fulcrum(data, 1.0, seeds, scale), run.seeds)
+    at_one = values_by_D(data, 1.0, scale)
+    return bootstrap(key, "spread of f(1) over D", lambda seeds: fulcrum(at_one[:, seeds]), run.seeds)
 
 
 def _plane(evidence: Evidence) -> Iterator[Row]:

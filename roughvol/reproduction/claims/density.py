@@ -13,7 +13,7 @@ from roughvol.reproduction.claims.evidence import Given, Outcome, V, claim, requ
 from roughvol.reproduction.claims.statistics import bootstrap, exact, mean, ratio, slope, straightness
 from roughvol.reproduction.claims.verdict import Check
 from roughvol.reproduction.needs import BY_D, BY_M, DENSITY, MANY, PAPER_D, PAPER_M
-from roughvol.typing import Array, Index
+from roughvol.typing import Array
 
 F, EDGES = "volume_density", "volume_density_edges"
 FULCRUM = 0.10  # spread of f(1) over D, relative: "almost independent"
@@ -87,7 +87,8 @@ def density_by_D(given: Given) -> Outcome:
         slopes = ratio(f"slope_{low:g}_{high:g}", f"slope of f {pair}", _slopes(*data[high]) / _slopes(*data[low]))
         checks.append(Check.above(f"v_max grows from D = {low:g} to {high:g}", largest, 1.0))
         checks.append(Check.below(f"f is flatter at D = {high:g} than at {low:g}", slopes, 1.0))
-    spread = bootstrap("fulcrum", "spread of f(1) over D", lambda s: fulcrum(data, 1.0, s), run.seeds)
+    at_one = values_by_D(data, 1.0)
+    spread = bootstrap("fulcrum", "spread of f(1) over D", lambda seeds: fulcrum(at_one[:, seeds]), run.seeds)
     checks.append(Check(f"f(1) spreads by less than {FULCRUM:.0%} over D", spread.value < FULCRUM, spread))
     best_v, least = best_fulcrum(data)
     numbers.append(exact("best_v", "v at which f depends least on D", best_v, run.seeds))
@@ -116,17 +117,21 @@ def _slopes(f: Array, edges: Array) -> Array:
     return np.array([-slope(x, y) for x, y in zip(_centres(edges), f, strict=True)])
 
 
-def fulcrum(data: dict[float, tuple[Array, Array]], v: float, seeds: Index, scale: float = 1.0) -> float:
-    """Return (largest - smallest)/mean over D of the mean f(v); volumes multiplied by ``scale`` beforehand."""
-    means = [float(np.mean(value_at(f[seeds], edges[seeds], v / scale))) for f, edges in data.values()]
-    return (max(means) - min(means)) / float(np.mean(means)) if np.mean(means) > 0.0 else math.nan
+def values_by_D(data: dict[float, tuple[Array, Array]], v: float, scale: float = 1.0) -> Array:
+    """Return f(v) of each surface, shape (D, surfaces); volumes multiplied by ``scale`` beforehand."""
+    return np.array([value_at(f, edges, v / scale) for f, edges in data.values()])
+
+
+def fulcrum(values: Array) -> float:
+    """Return (largest - smallest)/mean over D of the means of f(v), shape (D, surfaces)."""
+    means = values.mean(axis=1)
+    return float(np.ptp(means) / means.mean()) if means.mean() > 0.0 else math.nan
 
 
 def best_fulcrum(data: dict[float, tuple[Array, Array]]) -> tuple[float, float]:
     """Return the v below the smallest v_max at which f depends least on D, and the spread there."""
     largest = min(float(edges[:, -1].min()) for _, edges in data.values())
-    seeds = np.arange(min(len(f) for f, _ in data.values()))
-    spreads = {v: fulcrum(data, v, seeds) for v in np.linspace(0.0, largest, 100)[1:]}
+    spreads = {v: fulcrum(values_by_D(data, v)) for v in np.linspace(0.0, largest, 100)[1:]}
     best = min(spreads, key=lambda v: spreads[v])
     return float(best), spreads[best]
 

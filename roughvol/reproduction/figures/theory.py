@@ -254,13 +254,13 @@ def readings_fulcrum(evidence: Evidence) -> Drawing:
     drawn: list[Run] = []
     for (law, end, words), look in zip(sources, looks(3), strict=True):
         for run in evidence.fit(Needs((density.F, density.EDGES), by="D", law=law, end=end))[:1]:
-            m, seeds = int(nearest(run.m, PAPER_M)), np.arange(run.seeds)
+            m = int(nearest(run.m, PAPER_M))
             data = {D: density.densities(run, D, m) for D in run.D}
             few = {D: pair for D, pair in data.items() if D <= 2.51}
-            spreads = [density.fulcrum(data, v, seeds) for v in volumes]
+            spreads = [density.fulcrum(density.values_by_D(data, v)) for v in volumes]
             ax.plot(volumes, spreads, color=look["color"], label=f"{words}, all $D$")
             if len(few) > 1:
-                spreads = [density.fulcrum(few, v, seeds) for v in volumes]
+                spreads = [density.fulcrum(density.values_by_D(few, v)) for v in volumes]
                 ax.plot(volumes, spreads, color=look["color"], ls="--", lw=0.9, label=f"{words}, $D \\leq 2.5$")
             drawn.append(run)
     require(drawn, "densities for several D")
