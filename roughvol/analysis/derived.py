@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator
 
@@ -31,9 +32,10 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
     nominal = with_nominal(ds, study).get("nominal_pressure")
     if nominal is not None and P in ds:  # an unloaded surface has p* of rounding
         found["nominal_pressure"] = nominal.where(abs(ds[P]) > ROUNDING, 0.0 * nominal).assign_attrs(nominal.attrs)
-    for name in EVIDENCE:  # a record may have them at different steps
-        if name in ds and bool(ds[name].notnull().any()):
-            found["open"] = found["open"].fillna(is_open(ds[name])) if "open" in found else is_open(ds[name])
+    known = [is_open(ds[name]) for name in EVIDENCE if name in ds and bool(ds.variables[name].notnull().any())]
+    if known:  # a record may have them at different steps
+        values = [ways.transpose(*known[0].dims).values for ways in known]
+        found["open"] = known[0].copy(data=functools.reduce(lambda a, b: np.where(np.isnan(a), b, a), values))
     return counted(ds.assign(found))
 
 
@@ -92,4 +94,5 @@ def groups(ds: Dataset) -> Iterator[tuple[str, Dataset]]:
             group = ds.sel(D=D, m=m)
             computed = np.flatnonzero(group[P].notnull().any("step").values)
             if computed.size:
-                yield f"D = {D:g}, m = {m}", group.isel(seed=computed)
+                some = group if computed.size == group.sizes["seed"] else group.isel(seed=computed)
+                yield f"D = {D:g}, m = {m}", some

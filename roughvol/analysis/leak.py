@@ -123,16 +123,18 @@ def _at_steps(ds: Dataset, name: str) -> DataArray:
 
 def is_open(flow: DataArray) -> DataArray:
     """Return 1 where something flows or a gap is open, 0 where nothing is, missing where the number is."""
-    found = (flow > 0.0).astype(float).where(flow.notnull())
-    return found.assign_attrs(units="1", symbol=QUANTITIES["open"].symbol)
+    found = flow.copy(data=np.where(np.isnan(flow.values), np.nan, flow.values > 0.0))
+    found.attrs = {"units": "1", "symbol": QUANTITIES["open"].symbol}
+    return found
 
 
 def with_closed(flow: DataArray, ds: Dataset) -> DataArray:
     """Return a flow of the dry gap, also 0 where another number of a dataset shows that the way is closed."""
+    values = flow.values
     for name in EVIDENCE:
         if name in ds:
-            flow = flow.where(flow.notnull() | (ds[name] != 0.0), 0.0)
-    return flow
+            values = np.where(np.isnan(values) & (ds[name].transpose(*flow.dims).values == 0.0), 0.0, values)
+    return flow.copy(data=values)
 
 
 def zero_beyond(ds: Dataset) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ a folder.
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -56,6 +57,11 @@ class Report:
     record: Mapping[str, Any] = field(default_factory=dict)
     lines: tuple[str, ...] = ()
 
+    @functools.cached_property
+    def facts(self) -> tuple[Facts, ...]:
+        """The runs of their own in words and tables."""
+        return tuple(map(facts, self.own))
+
 
 def write(report: Report, folder: Path) -> Path:
     """Write ``report.html``, ``report.md`` and ``claims.json`` and return the path of the first."""
@@ -68,7 +74,7 @@ def write(report: Report, folder: Path) -> Path:
 
 def document(report: Report) -> Document:
     """Return the page."""
-    own = (_run(run, report.figures, f"run-{k}") for k, run in enumerate(report.own, start=1))
+    own = (_run(found, report.figures, f"run-{k}") for k, found in enumerate(report.facts, start=1))
     runs = dict.fromkeys(run.name.partition(", ")[0] for run in report.own)  # without the words of combinations
     title = report.title or ", ".join(runs)
     sections = (*report.before, *own, *_yielding(report.runs), *report.after, _runs(report.runs), _cite(report))
@@ -77,28 +83,27 @@ def document(report: Report) -> Document:
 
 def summary(report: Report) -> str:
     """Return the page as lines for a terminal: runs of their own, then what the runs show together."""
-    return "\n".join([*(line for run in report.own for line in _brief(facts(run))), *report.lines])
+    return "\n".join([*(line for found in report.facts for line in _brief(found)), *report.lines])
 
 
 def to_json(report: Report) -> str:
     """Return numbers and provenance as JSON."""
     data = {"format": "roughvol claims 1", "roughvol_version": __version__, **report.record}
-    data["surfaces"] = [facts(run).plain() for run in report.own]
+    data["surfaces"] = [found.plain() for found in report.facts]
     data["yielding"] = [asdict(comparison) for comparison in hysteresis.comparisons(report.runs)]
     data["runs"] = [computation(run) for run in report.runs]
     return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _run(run: Run, figures: Mapping[str, Figure], anchor: str) -> Section:
+def _run(found: Facts, figures: Mapping[str, Figure], anchor: str) -> Section:
     """Return the section of one run: its surface, how it was pressed, its states, its figures."""
-    found = facts(run)
     parts = [Section("Warnings", kind="warnings", items=found.warnings)] if found.warnings else []
     pair = Section("Surface", facts=found.surface), Section("Loading", facts=found.loading)
     parts.append(Section(kind="pair", sections=pair))
     parts += [Section(t.title, folded="" if k < OPEN else "closed", tables=(t,)) for k, t in enumerate(found.tables)]
-    drawn = tuple(drawing._replace(name=f"{anchor}-{drawing.name}") for drawing in drawings_of(run, figures))
+    drawn = tuple(drawing._replace(name=f"{anchor}-{drawing.name}") for drawing in drawings_of(found.run, figures))
     parts += [Section("Figures", drawings=drawn)] if drawn else []
-    return Section(found.name, anchor, kind="run", under=found.title, sections=tuple(parts))
+    return Section(found.run.name, anchor, kind="run", under=found.title, sections=tuple(parts))
 
 
 def drawings_of(run: Run, figures: Mapping[str, Figure]) -> Iterator[Drawing]:
@@ -115,7 +120,7 @@ def _brief(found: Facts) -> Iterator[str]:
     """Yield the lines of a run of its own."""
     closing = tuple(table for table in found.tables if table.title == CLOSING)
     warnings = tuple(f"warning: {line}" for line in found.warnings)
-    title = f"{found.name}: {found.title}"
+    title = f"{found.run.name}: {found.title}"
     return terminal.lines(Section(title, facts=found.surface + found.loading, tables=closing, items=warnings))
 
 

@@ -6,6 +6,7 @@ nominal pressure p* E* Sq/L.
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Iterator
@@ -47,21 +48,25 @@ BRACKET = (
 SPREAD = "Of several surfaces: mean (smallest to largest) over those whose way closes, or else over all."
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Facts:
     """A run in words and tables; ``surface`` and ``loading`` are pairs of a quantity and its value."""
 
-    name: str
+    run: Run
     title: str
     surface: Pairs
     loading: Pairs
     warnings: tuple[str, ...]
-    tables: tuple[Table, ...]
+
+    @functools.cached_property
+    def tables(self) -> tuple[Table, ...]:
+        """The surfaces, where the ways through the gap close, and the states."""
+        return tuple(_tables(self.run))
 
     def plain(self) -> dict[str, Any]:
         """Return the facts as plain data for JSON."""
         tables = [{"title": t.title, "head": list(t.head), "rows": [list(r) for r in t.rows]} for t in self.tables]
-        data = {"name": self.name, "title": self.title, "warnings": list(self.warnings), "tables": tables}
+        data = {"name": self.run.name, "title": self.title, "warnings": list(self.warnings), "tables": tables}
         return data | {"surface": dict(self.surface), "loading": dict(self.loading)}
 
 
@@ -69,16 +74,19 @@ def facts(run: Run) -> Facts:
     """Return a run in words and tables."""
     ds = run.dataset
     warnings = tuple(line.strip() for line in str(ds.attrs.get("warnings", "")).splitlines() if line.strip())
-    tables = [*_surfaces(run)]
-    if is_pressed(ds):
-        ds = derived(ds, run.study)
-        some = [(name, with_leaks(run.study, group, group)) for name, group in groups(ds)]
-        tables += closing([(name, first_leg(group)) for name, group in some])
+    return Facts(run, _title(run), _map(run), _loading(run), warnings)
+
+
+def _tables(run: Run) -> Iterator[Table]:
+    yield from _surfaces(run)
+    if is_pressed(run.dataset):
+        found = groups(derived(run.dataset, run.study))
+        some = [(name, with_leaks(run.study, group, group)) for name, group in found]
+        yield from closing([(name, first_leg(group)) for name, group in some])
         for name, group in some:
-            tables += hysteresis(group, name if len(some) > 1 else "")
+            yield from hysteresis(group, name if len(some) > 1 else "")
         titles = [f"States, {name}" if len(some) > 1 else "States" for name, _ in some]
-        tables += filter(None, map(_states, titles, (group for _, group in some)))
-    return Facts(run.name, _title(run), _map(run), _loading(run), warnings, tuple(tables))
+        yield from filter(None, map(_states, titles, (group for _, group in some)))
 
 
 def _title(run: Run) -> str:

@@ -278,7 +278,7 @@ def _finer_than(heights: np.ndarray) -> Finer:
     for factor in (1, 2, 4):
         slope = texture.Sdq(block_means(heights, factor), float(factor))
         closing = Closing((Span(1.0, 1.0),), "")
-        grids.append(SimpleNamespace(table=Dataset({"Sdq": ("seed", [slope])}), closing=lambda axis, c=closing: c))
+        grids.append(SimpleNamespace(table=Dataset({"Sdq": ("seed", [slope])}), closing={"x": closing, "y": closing}))
     one, *others = grids
     return Finer.of(one, others)
 
@@ -535,7 +535,7 @@ def test_the_gas_beside_fluid_pressure_is_named_dry(tmp_path: Path) -> None:
 def test_the_load_of_a_leak_is_the_inverse_of_the_leak_at_a_load(runs: CardRuns) -> None:
     for one in surfaces_at_load(runs.fine):
         for axis in "xy":
-            closes = one.closing(axis).value
+            closes = one.closing[axis].value
             for share in (0.01, 0.2, 0.5, 0.9):  # before the first step, between steps, and beyond the last
                 leak = one.leak_at(axis, share * closes)
                 assert leak > 0.0

@@ -142,7 +142,7 @@ def _closing_of_seal(
     fine: Sequence[Loaded], patch: Patch, flow: Way, *, isotropic: bool, representative: bool
 ) -> tuple[seal.Estimate, tuple[Part, ...]]:
     """Return the closing load of a seal and the parts of its error; NaN under fluid pressure, or if a way is open."""
-    loads = np.array([[[surface.closing(axis).value for axis in patch.axes]] for surface in fine])
+    loads = np.array([[[surface.closing[axis].value for axis in patch.axes]] for surface in fine])
     if is_lifted(fine[0].table) or not (loads > 0.0).all():
         return seal.Estimate(math.nan, math.nan, math.nan), ()
     several = len(fine) > 1
@@ -176,7 +176,7 @@ def _surface(surface: Loaded) -> SurfaceAtLoad:
         contact_area=surface.number("contact_area_fraction"),
         free_volume=surface.number("free_volume"),
         leaks=tuple(surface.leak(axis) for axis in AXES),
-        closings=tuple(surface.closing(axis) for axis in AXES),
+        closings=tuple(surface.closing[axis] for axis in AXES),
         table=surface.fields,
         recorded=surface.recorded,
     )
@@ -234,4 +234,4 @@ def _last_open(fine: Sequence[Loaded], axis: str) -> str:
         return "closed at every step"
     leak, load = float(leaks[open_[-1]]), float(table[load_of(table)][0, open_[-1]])
     amount = f"{number(leak)} {fine[0].unit(name)}" + (" without fluid pressure" if name.endswith("_dry") else "")
-    return f"at the last open step, {fine[0].closing(axis).load(load)}, it leaks {amount}"
+    return f"at the last open step, {fine[0].closing[axis].load(load)}, it leaks {amount}"

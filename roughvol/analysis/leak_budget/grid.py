@@ -52,7 +52,7 @@ class Finer:
         """
         if not others:
             return cls(math.nan, math.nan)
-        closings = [(surface.closing(axis).value, others[0].closing(axis).value) for axis in AXES]
+        closings = [(surface.closing[axis].value, others[0].closing[axis].value) for axis in AXES]
         changes = [abs(math.log(here / there)) for here, there in closings if math.isfinite(here) and there > 0.0]
         scatter = SCATTER * min(1.0, max(changes, default=ROUGH) / ROUGH)
         slopes = [float(grid.table["Sdq"][0]) for grid in (surface, *others)]

@@ -48,8 +48,8 @@ def levelling_part(fine: Sequence[Loaded], levelled: Levelled, axis: str) -> Par
         log = _log_of_levelling(surface, before, after, axis)
         here, change = surface.leak(axis), math.exp(abs(log))
         ends = here / change, here * change
-        if math.isnan(log) and after.closing(axis).value > 0.0 and before.closing(axis).value > 0.0:
-            of_load = abs(math.log(after.closing(axis).value / before.closing(axis).value))
+        if math.isnan(log) and after.closing[axis].value > 0.0 and before.closing[axis].value > 0.0:
+            of_load = abs(math.log(after.closing[axis].value / before.closing[axis].value))
             ends = surface.leak_if(axis, -of_load), surface.leak_if(axis, of_load)
         low.append(ends[0])
         high.append(ends[1])
@@ -67,7 +67,7 @@ def _log_of_levelling(surface: Loaded, before: Loaded, after: Loaded, axis: str)
 
     A coarser grid closes at a smaller load. The leaks are those at the same share of the closing load.
     """
-    closes, known = before.closing(axis).value, surface.closing(axis).value
+    closes, known = before.closing[axis].value, surface.closing[axis].value
     if not surface.leads or is_lifted(surface.table) or not (0.0 < known < math.inf and 0.0 < closes < math.inf):
         return log_ratio(before, after, axis)
     load = surface.load * closes / known

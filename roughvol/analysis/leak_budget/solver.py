@@ -59,7 +59,7 @@ def solver_part(fine: Sequence[Loaded], axis: str) -> Part:
 
 def solver_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
     """Return the part of the solver of the closing load."""
-    found = [span for surface in fine for span in surface.closing(axis).spans]
+    found = [span for surface in fine for span in surface.closing[axis].spans]
     if not found or not all(span.closes for span in found):
         return Part("solver", math.nan, "the way does not close within the sweep" if found else "no way is followed")
     if all(span.open_up_to == span.closed_from for span in found):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -12,7 +13,7 @@ from xarray import Dataset
 
 from roughvol.analysis.at import state_at
 from roughvol.analysis.average import Average, average
-from roughvol.analysis.closing import load_of, spans
+from roughvol.analysis.closing import Span, load_of, spans
 from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.leak import STATE, is_lifted
 from roughvol.analysis.leak_card import Closing, Part
@@ -75,19 +76,31 @@ class Loaded:
         """The run without dimensions of cases."""
         return self.table.isel(seed=0)
 
-    def closing(self, axis: str) -> Closing:
-        """Return where the last way along an axis closes on loading."""
-        loading = first_leg(self.table)
-        unit = str(loading[load_of(loading)].attrs.get("units", "1"))
-        found = spans(loading, axis)
-        scaled = (
-            replace(s, open_up_to=s.open_up_to * self.of_load, closed_from=s.closed_from * self.of_load) for s in found
-        )
-        return Closing(tuple(scaled), "" if unit == "1" else unit)
+    @cached_property
+    def loading(self) -> Dataset:
+        """The first leg."""
+        return first_leg(self.table)
 
-    def curve(self, axis: str) -> PchipInterpolator | None:
-        """Return the logarithm of the leak, under fluid pressure of the dry gap, on the first leg, see `curve_of`."""
-        table = first_leg(self.table).isel(seed=0)
+    @cached_property
+    def closing(self) -> Mapping[str, Closing]:
+        """Where the last way along each axis closes on loading."""
+        units = str(self.loading[load_of(self.loading)].attrs.get("units", "1"))
+        unit = "" if units == "1" else units
+        return {axis: Closing(tuple(map(self._scaled, spans(self.loading, axis))), unit) for axis in AXES}
+
+    def _scaled(self, span: Span) -> Span:
+        return replace(span, open_up_to=span.open_up_to * self.of_load, closed_from=span.closed_from * self.of_load)
+
+    @cached_property
+    def curve(self) -> Mapping[str, PchipInterpolator | None]:
+        """The logarithm of the leak along each axis, under fluid pressure of the dry gap, on the first leg.
+
+        `curve_of` has the rule.
+        """
+        return {axis: self._curve(axis) for axis in AXES}
+
+    def _curve(self, axis: str) -> PchipInterpolator | None:
+        table = self.loading.isel(seed=0)
         dry = "_dry" if is_lifted(self.table) else ""
         if f"transmissivity{dry}" not in table:
             return None
@@ -98,22 +111,22 @@ class Loaded:
         if self.leads and not dry and self.state is not None:
             load = self.number(load_of(table)) * self.of_load
             points = {p: leak for p, leak in points.items() if not math.isclose(p, load)} | {load: self.leak(axis)}
-        return curve_of(points, self.closing(axis).value)
+        return curve_of(points, self.closing[axis].value)
 
     def leak_at(self, axis: str, load: float) -> float:
         """Return the leak at another load; NaN if unknown."""
-        curve = self.curve(axis)
-        if load >= self.closing(axis).value:
+        curve = self.curve[axis]
+        if load >= self.closing[axis].value:
             return 0.0
         return math.exp(curve(math.log(load))) if curve is not None and load > 0.0 else math.nan
 
     def load_at(self, axis: str, leak: float) -> float:
         """Return the load with another leak, the closing load of none; NaN if unknown."""
-        curve = self.curve(axis)
+        curve = self.curve[axis]
         if curve is None or not leak > 0.0:
-            return self.closing(axis).value
+            return self.closing[axis].value
         found = curve.solve(math.log(leak), extrapolate=False)
-        return math.exp(found[-1]) if len(found) else self.closing(axis).value
+        return math.exp(found[-1]) if len(found) else self.closing[axis].value
 
     def leak_if(self, axis: str, log: float) -> float:
         """Return the leak of a joint with all loads larger by a factor; NaN where it is not known."""
@@ -157,8 +170,13 @@ def curve_of(points: Mapping[float, float], closes: float) -> PchipInterpolator 
     return PchipInterpolator(*sides, extrapolate=False)
 
 
-def surfaces_at_load(pressed: Pressed) -> Iterator[Loaded]:
-    """Yield the surfaces of a run at the load of a card."""
+@lru_cache(maxsize=8)  # a run is asked whether it reaches the load, and then has its card
+def surfaces_at_load(pressed: Pressed) -> tuple[Loaded, ...]:
+    """Return the surfaces of a run at the load of a card."""
+    return tuple(_at_load(pressed))
+
+
+def _at_load(pressed: Pressed) -> Iterator[Loaded]:
     run = Run.of(SWEEP, pressed.dataset)
     for label, group in groups(derived(run.dataset, run.study)):
         for k in range(group.sizes["seed"]):
@@ -202,7 +220,7 @@ def leak_of(surfaces: Sequence[Loaded], axis: str) -> Average:
 
 def closing_of(surfaces: Sequence[Loaded], axis: str) -> Closing:
     """Return where the last way of several surfaces closes."""
-    found = [surface.closing(axis) for surface in surfaces]
+    found = [surface.closing[axis] for surface in surfaces]
     return Closing(tuple(span for closing in found for span in closing.spans), found[0].unit)
 
 

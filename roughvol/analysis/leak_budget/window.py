@@ -85,7 +85,7 @@ def window_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
     The leaks of the quadrants are those at a light load, where most are open.
     """
     if len(fine) > 1:
-        loads = np.array([surface.closing(axis).value for surface in fine])
+        loads = np.array([surface.closing[axis].value for surface in fine])
         if not np.isfinite(loads).all():
             return Part("window", math.inf, f"{np.count_nonzero(~np.isfinite(loads))} of {loads.size} do not close")
         words = f"{_percent()} interval of the mean over {loads.size} surfaces, of logarithms by t"
@@ -101,9 +101,9 @@ def window_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
     step = table.sel(step=int(along["step"][0]))
     load, flow = float(step[load_of(table)]), float(step[starred].sel(axis=axis)) * float(step["free_volume"]) ** 3
     if not flow > 0.0:
-        return Part("window", math.nan, f"the map is closed at {surface.closing(axis).load(load)}")
+        return Part("window", math.nan, f"the map is closed at {surface.closing[axis].load(load)}")
     log = scatter_of_loads(surface, axis, along.values[0] / flow, load)
-    at = f"the quadrants of the map at {surface.closing(axis).load(load)}"
+    at = f"the quadrants of the map at {surface.closing[axis].load(load)}"
     words = f"scatter of the leaks of {at}, {_percent()} by t, times {QUADRANTS}, as loads of equal leak"
     return Part("window", math.exp(log), words)
 

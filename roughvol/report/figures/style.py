@@ -27,6 +27,7 @@ from xarray import Dataset
 from roughvol.errors import FolderError
 from roughvol.observables.variables import QUANTITIES
 from roughvol.store import stamped_file
+from roughvol.typing import Array
 
 _LETTERS = {r"^{\ast}": "*", r"\sigma": "σ", r"\Delta": "Δ", r"\delta": "δ", r"\mu": "µ", r"\leq": "≤", r"\sim": "~"}
 _LETTERS |= {r"\cdot": "·", r"^{-1}": "⁻¹", r"^2": "²", r"^3": "³", r"\eta": "η", r"\lambda": "λ", r"\pi": "π"}
@@ -144,24 +145,24 @@ def axes(
     return fig, panels
 
 
-def luminance(colour: Any) -> float:
-    """Return the relative luminance of a colour, 0 for black to 1 for white (WCAG 2.2)."""
-    rgb = np.array(mpl.colors.to_rgb(colour))
+def luminance(colours: Any) -> Array:
+    """Return the relative luminance of a colour or of several, 0 for black to 1 for white (WCAG 2.2)."""
+    rgb = mpl.colors.to_rgba_array(colours)[:, :3]
     linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
-    return float(linear @ (0.2126, 0.7152, 0.0722))
+    return linear @ (0.2126, 0.7152, 0.0722)
 
 
-def lightness(colour: Any) -> float:
-    """Return the CIE lightness L* of a colour, 0 to 100: the grey in which it prints."""
-    y = luminance(colour)
-    return 116.0 * y ** (1.0 / 3.0) - 16.0 if y > 0.008856 else 903.3 * y
+def lightness(colours: Any) -> Array:
+    """Return the CIE lightness L* of a colour or of several, 0 to 100: the grey in which it prints."""
+    y = luminance(colours)
+    return np.where(y > 0.008856, 116.0 * np.cbrt(y) - 16.0, 903.3 * y)
 
 
 def looks(count: int) -> list[dict[str, Any]]:
     """Return as many colours, in equal steps of lightness, each with a marker."""
     places = np.linspace(0.0, LIGHTEST, STEPS)
     colours = mpl.colormaps["CMRmap"](places)
-    grey = np.array([lightness(colour) for colour in colours])
+    grey = lightness(colours)
     wanted = np.linspace(12.0, grey[-1], max(count, 2))
     chosen = mpl.colormaps["CMRmap"](np.interp(wanted, grey, places))
     return [{"color": tuple(map(float, chosen[k])), "marker": MARKERS[k % len(MARKERS)]} for k in range(count)]
