@@ -46,7 +46,7 @@ reproduce: $(PACKAGE)  ## run the paper's studies, draw its figures and the repo
 	@for study in $(PAPER) $(READINGS); do $(BIN)/roughvol run configs/$$study.yaml || exit $$?; done
 	@$(MAKE) --no-print-directory --jobs 2 claims $(PAPER:%=plot-%)
 
-claims:
+claims:  ## report on the claims, from the runs of make reproduce
 	@$(BIN)/roughvol report $(PAPER) $(READINGS) --out runs/report --check tests/regression/expected_paper.json
 
 plot-%:

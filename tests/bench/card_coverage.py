@@ -15,6 +15,7 @@ import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -217,15 +218,15 @@ class Solved(Loaded):
         """Return the load."""
         return float(self.loads[self.place])
 
-    def closing(self, axis: str) -> Closing:
-        """Return the closing load."""
-        load = float(self.numbers["closing"]["xy".index(axis)])
-        return Closing((Span(load, load),), "")
+    @cached_property
+    def closing(self) -> dict[str, Closing]:
+        """The closing loads."""
+        loads = zip("xy", self.numbers["closing"], strict=True)
+        return {axis: Closing((Span(float(load), float(load)),), "") for axis, load in loads}
 
-    def curve(self, axis: str) -> PchipInterpolator | None:
-        """Return the logarithm of the leak over that of the load."""
+    def _curve(self, axis: str) -> PchipInterpolator | None:
         points = {load: leaks["xy".index(axis)] for load, leaks in self.points}
-        return curve_of(points | {self.load: self.leak(axis)}, self.closing(axis).value)
+        return curve_of(points | {self.load: self.leak(axis)}, self.closing[axis].value)
 
 
 def intervals(found: Numbers) -> Iterator[tuple[str, float, float, float, float]]:
@@ -243,7 +244,7 @@ def intervals(found: Numbers) -> Iterator[tuple[str, float, float, float, float]
                 grid_part_of_load(fine, coarser, finer, axis),
                 levelling_part_of_load(levelled, axis),
             )
-            closing = Closing(fine[0].closing(axis).spans, "", of_load)
+            closing = Closing(fine[0].closing[axis].spans, "", of_load)
             if place == 0:
                 yield "closing", found["truth"]["closing"][k], closing.value, *closing.interval
             leak, truth = fine[0].leak(axis), found["truth"]["leak"][place][k]
