@@ -41,21 +41,30 @@ $(STAMP): pyproject.toml | $(BIN)/python
 	@$(INSTALL) '.[dev]'
 	@touch $(PACKAGE) $@
 
-# It needs the package alone: no tests, no tools.
+# It needs the package alone: no tests, no tools. Small studies take one core, so two run at a time.
 reproduce: $(PACKAGE)  ## run the paper's studies, draw its figures and the report of claims
-	@for study in $(PAPER) $(READINGS); do $(BIN)/roughvol run configs/$$study.yaml || exit $$?; done
+	@echo "two studies at a time; each prints its progress and its numbers when it ends"
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync $(PAPER:%=run-%) $(READINGS:%=run-%)
 	@$(MAKE) --no-print-directory --jobs 2 claims $(PAPER:%=plot-%)
 
 claims:  ## report on the claims, from the runs of make reproduce
 	@$(BIN)/roughvol report $(PAPER) $(READINGS) --out runs/report --check tests/regression/expected_paper.json
 
-plot-%:
-	@$(BIN)/roughvol plot runs/$*
-
 seal: $(PACKAGE)  ## run the sealing studies and report on them
 	@for study in $(SEAL); do $(BIN)/roughvol run configs/$$study.yaml || exit $$?; done
 	@$(MAKE) --no-print-directory --jobs 2 $(SEAL:%=plot-%)
 	@$(BIN)/roughvol report $(SEAL) --out runs/seal_report
+
+run-%:
+	@$(BIN)/roughvol run configs/$*.yaml
+
+# They have cases in common.
+run-effect_of_m: run-effect_of_D
+run-ten_seeds_of_m: run-effect_of_m
+run-reading_variance_law_D: run-reading_variance_law
+
+plot-%:
+	@$(BIN)/roughvol plot runs/$*
 
 literature: setup  ## run the studies of the literature and report on its numbers
 	@$(BIN)/python -m tests.bench.framework_surface
