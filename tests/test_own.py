@@ -59,6 +59,26 @@ def words(state):
 
 words.coordinates = {"side": ["left", "right"]}
 
+def twice(state):
+    return [0.0, 1.0]
+
+twice.coordinates = {"part": [1.0, 1.0]}
+
+def unknown(state):
+    return [0.0, 1.0]
+
+unknown.coordinates = {"part": [1.0, float("nan")]}
+
+def none(state):
+    return []
+
+none.coordinates = {"part": []}
+
+def sloped(state):
+    return [0.0, 1.0]
+
+sloped.coordinates = {"dz/dx": [0.0, 1.0]}
+
 def three(state):
     return [0.0, 1.0, 2.0]
 
@@ -160,8 +180,14 @@ def test_a_new_version_computes_anew_and_an_absent_function_leaves_what_is_store
         ("Largest gap: mine:largest", "'Largest gap' is no name"),
         ("free_volume: mine:largest", "free_volume is a stored variable already"),
         ("axis: mine:largest", "axis is a stored variable already"),
+        ("leak_rate_x: mine:largest", "leak_rate_x is a stored variable already"),
         ("a: mine:halves, b: mine:sides", "record.own.b: mine:sides has other labels of half than another quantity"),
-        ("a: mine:words", "record.own.a: mine:words has labels of side that are no numbers"),
+        ("a: mine:words", "record.own.a: mine:words has labels of side that are equal or no finite numbers"),
+        ("a: mine:twice", "labels of part that are equal or no finite numbers; allowed: finite numbers, each once"),
+        ("a: mine:unknown", "labels of part that are equal or no finite numbers"),
+        ("a: mine:none", "labels of part that are equal or no finite numbers"),
+        ("a: mine:sloped", "mine:sloped has the dimension 'dz/dx'; allowed: letters, digits and _"),
+        ("part: mine:nominal", "mine:nominal has the dimension 'part'; allowed: .* not the name of the quantity"),
         ("a: mine:three", "record.own.a: mine:three has 3 labels of axis; allowed: x and y"),
         ("", "must be a mapping of names to functions"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ import numpy as np
 
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.regions import Values, View
-from roughvol.observables.variables import AXES, QUANTITIES, VARIABLES, Variable, with_means
+from roughvol.observables.variables import AXES, QUANTITIES, VARIABLES, Variable, columns_of, with_means
 from roughvol.study import Case, Ensemble, Record
 from roughvol.study.values.own import OwnQuantity
 from roughvol.surfaces.surface import Surface
@@ -90,6 +91,8 @@ def register(record: Record, ensemble: Ensemble | None = None) -> None:
     """Put the rows of the quantities of a study, and of their means, into the table of variables, or refuse them."""
     averaged = ensemble.accuracy.own if ensemble is not None else []
     known: dict[str, list[float]] = {}
+    stored = [variable for variable, row in QUANTITIES.items() if row.observable != OBSERVABLE]
+    taken = {*stored, *itertools.chain(*map(columns_of, stored))}
     for name, quantity in _of(record).items():
         try:
             row, coordinates = row_of(name, quantity), _coordinates(quantity)
@@ -100,7 +103,7 @@ def register(record: Record, ensemble: Ensemble | None = None) -> None:
             message = f"{quantity.target} returns an array over {', '.join(coordinates)}; allowed: a number"
             raise StudyError([Problem(message, f"ensemble.accuracy.{name}")])
         for dim, along in coordinates.items():
-            if message := _fault(dim, along, known):
+            if message := _fault(name, dim, along, known):
                 raise StudyError([Problem(f"{quantity.target} {message}", f"record.own.{name}")])
         rows = with_means(name, row) if name in averaged else {name: row}
         rows |= {
@@ -109,22 +112,24 @@ def register(record: Record, ensemble: Ensemble | None = None) -> None:
             if dim != "axis"
         }
         for variable, made in rows.items():
-            present = QUANTITIES.get(variable)
-            of_another = variable != name and variable in _of(record)
-            if of_another or (present is not None and present.observable != OBSERVABLE):
+            if variable in taken or (variable != name and variable in _of(record)):
                 key, message = f"record.own.{name}", f"{variable} is a stored variable already: choose another name"
                 raise StudyError([Problem(message, key)])
             QUANTITIES[variable] = VARIABLES[variable] = made
 
 
-def _fault(dim: str, along: Any, known: dict[str, list[float]]) -> str:
-    """Return the fault of the labels of a dimension, empty without one; ``known`` has those of other quantities."""
+def _fault(name: str, dim: str, along: Any, known: dict[str, list[float]]) -> str:
+    """Return the fault of a dimension and its labels, empty without one; ``known`` has those of other quantities."""
     if dim == "axis":
         return "" if len(along) == len(AXES) else f"has {len(along)} labels of axis; allowed: {' and '.join(AXES)}"
+    if dim == name or not dim.isidentifier():
+        return f"has the dimension '{dim}'; allowed: letters, digits and _, and not the name of the quantity"
     try:
         numbers = [float(label) for label in along]
     except (TypeError, ValueError):
-        return f"has labels of {dim} that are no numbers; allowed: numbers"
+        numbers = []
+    if not numbers or not np.isfinite(numbers).all() or len(set(numbers)) < len(numbers):
+        return f"has labels of {dim} that are equal or no finite numbers; allowed: finite numbers, each once"
     if known.setdefault(dim, numbers) != numbers:
         return f"has other labels of {dim} than another quantity: choose another dimension"
     return ""
