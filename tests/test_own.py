@@ -97,6 +97,9 @@ p.touch = 0.0
 
 def closed(state):
     return float("nan")
+
+def masked(state):
+    return np.ma.masked_less(state.gap, 1e9).mean()
 """
 ENSEMBLE = """
 name: means
@@ -139,8 +142,10 @@ def _folder(here):
 
 
 def test_numbers_and_arrays_are_stored_averaged_read_between_steps_and_drawn():
-    ds = roughvol.run(study("largest_gap: mine:largest, halves: mine:halves, parts: mine:nominal"), jobs=1)
+    functions = "largest_gap: mine:largest, halves: mine:halves, parts: mine:nominal, far: mine:masked"
+    ds = roughvol.run(study(functions), jobs=1)
     assert ds.largest_gap.attrs == {"units": "um", "long_name": "Largest gap", "symbol": "largest_gap"}
+    assert ds.far.isnull().all()  # a masked number is missing
     assert ds.halves.dims == ("D", "m", "seed", "step", "half")
     weighted = (ds.halves * np.array([8.0, 9.0]) / 17.0).sum("half")
     np.testing.assert_allclose(weighted, ds.free_volume, rtol=1e-12)

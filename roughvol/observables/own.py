@@ -64,7 +64,7 @@ def values(view: View) -> Values:
     for name, quantity in _of(view.case.record).items():
         try:
             returned = quantity.function(state)
-            value = np.asarray(returned, dtype=np.float64)
+            value = np.ma.filled(np.ma.asarray(returned, dtype=np.float64), np.nan)  # a masked number is missing
         except Exception as error:
             where = f"at p* = {state.mean_pressure:.6g}"
             message = f"{quantity.target} fails {where} ({type(error).__name__}: {error})"
