@@ -173,6 +173,9 @@ def test_a_new_version_computes_anew_and_an_absent_function_leaves_what_is_store
     again = roughvol.open("gaps")
     np.testing.assert_array_equal(again.largest_gap, ds.largest_gap)
     assert roughvol.plot("gaps", "largest_gap_of_p").axes
+    open_wide = again.assign(largest_gap=again.largest_gap.where(again.seed == 1, np.inf))
+    (line,) = roughvol.plot(open_wide, "largest_gap_of_p").axes[0].get_lines()  # of the surface with finite numbers
+    np.testing.assert_array_equal(line.get_ydata(), ds.largest_gap.sel(seed=1).squeeze())
 
 
 @pytest.mark.parametrize(

@@ -69,8 +69,8 @@ def named(ax: Axes, lines: Sequence[Line2D], family: Family, surface: int | None
 
 
 def held(ds: Dataset, *variables: str) -> DataArray:
-    """Return which cases hold a value of every one of the variables."""
-    masks = [ds[name].notnull() for name in variables]
+    """Return which cases hold a finite value of every one of the variables."""
+    masks = [abs(ds[name]) < np.inf for name in variables]
     cases = ("D", "m", "seed", "case")
     return functools.reduce(operator.and_, [mask.any([dim for dim in mask.dims if dim not in cases]) for mask in masks])
 
