@@ -56,6 +56,8 @@ def test_a_stored_sweep_answers_with_a_pressure() -> None:
     assert re.search(r"along y: no modulus within the stored loads, up to p\* = \d\.\d+ \(0\.1 MPa\)", never)
     assert "scan: largest modulus for a leak up to 1e-30 mm^3/s" in never
     assert "least pressure for a leak up to 1e-4 mm^3/s" in said("ask", "scan", "--leak-rate", "1e-4")
+    words = ("--leak-rate", "1e-6 mm^3/s", "--set", "name=scan")
+    assert "or roughvol card runs/scan --set name=scan" in said("ask", "runs/scan", *words)
     for words in (("--leak-rate", "1e-4"), ("--closed",)):
         told = refused("ask", "scan", *words, "--at", "pressure=1 kPa")
         assert "the pressure is asked for; the load pressure=1 kPa belongs to: for modulus or Sq" in told
