@@ -40,6 +40,13 @@ def test_figures_have_every_format_size_and_scale(tmp_path: Path, suffix: str) -
     assert (tmp_path / f"v_of_p.{suffix}").stat().st_size > 200
 
 
+@pytest.mark.layout
+def test_a_figure_that_has_no_room_is_not_drawn(tmp_path: Path) -> None:
+    told = refused("plot", "leaking", "seal_leak_rate", "--size", "1x1in", "--out", tmp_path)
+    assert "seal_leak_rate: legend and labels leave no room for the axes in 1 x 1 in; allowed: a larger --size" in told
+    assert not any(tmp_path.iterdir())
+
+
 def test_all_figures_of_the_latest_run_are_drawn_without_a_name() -> None:
     drawn = [Path(line) for line in said("plot").splitlines()]
     names = {path.stem for path in drawn}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,7 +84,7 @@ def plot(
             left = _shaped(figure, inches, log)
             _write(figure, target)
         except DatasetError as error:
-            refused += [str(error)] if wanted else []  # among all figures of a run, maps have no points
+            refused += [] if suffix == "csv" and not wanted else [str(error)]  # maps of a run have no points
             continue
         warn(f"{name} has no positive {axis}: this axis stays linear" for axis in left)
         say(target)
@@ -100,8 +101,15 @@ def _write(figure: Drawing, target: Path) -> None:
     from roughvol.store import stamped_file
 
     if target.suffix != ".csv":
-        stamped_file.make_folder(target.parent)
-        figure.savefig(target)
+        try:
+            with warnings.catch_warnings():
+                warnings.filterwarnings("error", "constrained_layout not applied", UserWarning)
+                stamped_file.make_folder(target.parent)
+                figure.savefig(target)
+        except UserWarning as error:
+            width, height = figure.get_size_inches()
+            message = f"{target.stem}: legend and labels leave no room for the axes in {width:.3g} x {height:.3g} in"
+            raise DatasetError(f"{message}; allowed: a larger --size") from error
         return
     points = list(content.data(figure))
     held = [name for name in content.COLUMNS if any(point[name] is not None for point in points)]
