@@ -76,9 +76,17 @@ class Drawing(Figure):
     shown: Mapping[str, Sequence[float]] = MappingProxyType({})
     sources: Mapping[Line2D, Mapping[str, object]] = MappingProxyType({})
     style: Mapping[Any, Any] = MappingProxyType({})  # beside `STYLE`, as another type
+    _noted = ""
+
+    def set_size_inches(self, *args: Any, **kwargs: Any) -> None:
+        """Set the size as matplotlib does, and break the note anew."""
+        super().set_size_inches(*args, **kwargs)
+        if self._noted:
+            self.note(self._noted)
 
     def note(self, text: str) -> None:
         """Put a line on where the drawing comes from below it."""
+        self._noted = text
         lines = "\n".join(textwrap.wrap(text, int(PER_INCH * self.get_size_inches()[0])))
         self.supxlabel(lines, x=0.01, ha="left", fontsize=6.5, color=GREY, linespacing=1.1)
 
