@@ -90,6 +90,9 @@ def forgotten(state):
 def failing(state):
     return 1.0 / int(state.mean_pressure * 0.0)
 
+def leaving(state):
+    raise SystemExit("gap too wide")
+
 def p(state):
     return state.mean_pressure
 
@@ -122,6 +125,7 @@ def forget():
 def study(functions, version="", text=STUDY):
     """A study with quantities, after its module is written to the current folder."""
     Path("mine.py").write_text(MODULE.replace("VERSION", version))
+    Path("script.py").write_text("raise SystemExit('usage: script.py FILE')")
     forget()
     return loads(text.replace("OWN", functions))
 
@@ -183,6 +187,10 @@ def test_a_new_version_computes_anew_and_an_absent_function_leaves_what_is_store
     [
         ("largest_gap: mine:nosuch", "record.own.largest_gap: cannot import 'mine:nosuch'.*no attribute 'nosuch'"),
         ("largest_gap: nosuch:largest", "cannot import 'nosuch:largest' .ModuleNotFoundError"),
+        (
+            "largest_gap: script:largest",
+            "cannot import 'script:largest' .*script ends the program .*: usage: script.py FILE",
+        ),
         ("largest_gap: nosuch", "no entry point of roughvol.observables; allowed: module:function, or an entry point"),
         ("largest_gap: 'mine:largest()'", "'mine:largest..' is no function; allowed: module:function"),
         ("Largest gap: mine:largest", "'Largest gap' is no name"),
@@ -209,6 +217,7 @@ def test_refused(functions, words):
     ("functions", "words"),
     [
         ("bad: mine:failing", r"record.own.bad: mine:failing fails at p\* = .*ZeroDivisionError"),
+        ("bad: mine:leaving", r"record.own.bad: mine:leaving fails at p\* = .* .SystemExit: gap too wide"),
         ("bad: mine:rows", r"record.own.bad: mine:rows returns shape \(1, 17\); allowed: a number"),
         ("bad: mine:forgotten", "record.own.bad: mine:forgotten returns nothing; allowed: a number"),
     ],

@@ -65,7 +65,7 @@ def values(view: View) -> Values:
         try:
             returned = quantity.function(state)
             value = np.ma.filled(np.ma.asarray(returned, dtype=np.float64), np.nan)  # a masked number is missing
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             where = f"at p* = {state.mean_pressure:.6g}"
             message = f"{quantity.target} fails {where} ({type(error).__name__}: {error})"
             raise StudyError([Problem(message, f"record.own.{name}")]) from error

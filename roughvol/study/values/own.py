@@ -21,6 +21,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import entry_points
+from types import ModuleType
 from typing import Any
 
 from roughvol.study.values.types import refuse
@@ -55,7 +56,7 @@ def function_of(target: str) -> Callable[[Any], Any]:
     module, _, name = target.partition(":")
     with _current_folder():
         if name:
-            found = getattr(importlib.import_module(module), name)
+            found = getattr(_imported(module), name)
         else:
             points = list(entry_points(group=GROUP, name=target))
             if not points:
@@ -66,6 +67,14 @@ def function_of(target: str) -> Callable[[Any], Any]:
         raise AttributeError(f"{target} is no function")
     function: Callable[[Any], Any] = found
     return function
+
+
+def _imported(module: str) -> ModuleType:
+    """Return a module; a script that ends the program where it is imported is an error of the import."""
+    try:
+        return importlib.import_module(module)
+    except SystemExit as error:
+        raise ImportError(f"{module} ends the program when it is imported: {error}") from error
 
 
 @contextlib.contextmanager
