@@ -182,6 +182,18 @@ def test_a_new_version_computes_anew_and_an_absent_function_leaves_what_is_store
     np.testing.assert_array_equal(line.get_ydata(), ds.largest_gap.sel(seed=1).squeeze())
 
 
+@pytest.mark.parametrize(("before", "after"), [("largest", "halves"), ("halves", "largest"), ("halves", "nominal")])
+def test_a_function_that_returns_another_shape_needs_another_version(before, after):
+    roughvol.run(study(f"number: mine:{before}"), jobs=1)
+    text = Path("mine.py").read_text().replace(f"def {before}(", "def old(").replace(f"{before}.coo", "old.coo")
+    text = text.replace("largest.units, largest.version", "version, _")
+    more = loads(STUDY.replace("seeds: 2", "seeds: 3").replace("OWN", f"number: mine:{before}"))
+    Path("mine.py").write_text(f"{text}\n{before} = {after}\n")
+    forget()
+    with pytest.raises(DatasetError, match=r"number has other dimensions in some cases .* another attribute version"):
+        roughvol.run(more, jobs=1)
+
+
 @pytest.mark.parametrize(
     ("functions", "words"),
     [

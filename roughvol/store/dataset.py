@@ -41,6 +41,7 @@ __all__ = ["Arrays", "Dataset", "build", "combine", "read", "write"]
 
 Arrays = dict[str, tuple[tuple[str, ...], NDArray[Any]]]  # dimensions and values of variables by name
 
+CHANGED = "a function of record.own that changed needs another attribute version, or --fresh"
 COORDS = ("L", "leg")  # coordinates beside those of the dimensions
 SMALL = 1 << 20  # bytes of values up to which the file of a case is netCDF-3
 
@@ -68,9 +69,11 @@ def combine(cases: Sequence[Dataset | Arrays], attributes: Mapping[str, str]) ->
         index = {dim: [positions[dim][label] for label in part[dim][1].tolist()] for dim in part if dim in dims}
         slots: dict[tuple[str, ...], Any] = {}
         for name, (along, values) in part.items():
-            if name == "L" or name in dims:
+            if name == "L" or along == (name,):
                 continue
-            if name not in wholes:  # equal dimensions in all cases, by the table
+            if not dims.keys() >= set(along) or wholes.get(name, (along,))[0] != along:
+                raise DatasetError(f"{name} has other dimensions in some cases of the run: {CHANGED}")
+            if name not in wholes:
                 kind, shape = VARIABLES[name].kind, tuple(len(dims[dim]) for dim in along)
                 wholes[name] = along, np.full(shape, MISSING[kind], dtype=DTYPES[kind])
             if along not in slots:
