@@ -18,6 +18,7 @@ from roughvol.analysis.leak_curve import Curve
 from roughvol.analysis.tables import rounded
 from roughvol.campaign import execution
 from roughvol.errors import StudyError
+from roughvol.observables.at_state import at_state
 from roughvol.store.dataset import Dataset
 from roughvol.study import loads, parse
 from tests.bench.read_off import measured
@@ -237,6 +238,22 @@ def test_a_reading_lies_between_its_two_steps_and_is_exact_at_a_step() -> None:
     on_step = curve.at(np.array([1.0, 2.0, 4.0, 8.0, 4.0 * (1 + 1e-7)]))
     assert_allclose(on_step.value, [8.0, 7.0, 3.0, 0.01, 3.0])
     assert_allclose(on_step.low, on_step.high)
+
+
+@pytest.mark.parametrize("steps", [3, 4, 7, 8, 9])
+def test_the_error_between_two_steps_is_that_of_the_nearest_inner_steps_read_off_without_themselves(steps: int) -> None:
+    random = np.random.default_rng(steps)
+    x, y = np.cumsum(random.uniform(0.2, 0.6, steps)), -np.cumsum(random.uniform(0.2, 1.0, steps))
+    without = {k: abs(at_state(np.delete(x, k), np.delete(y, k), x[k])[0] - y[k]) for k in range(1, steps - 1)}
+    middles = 0.5 * (x[1:] + x[:-1])
+    reading = _curve(np.exp(x), np.exp(y)).at(np.exp(middles))
+    for i, middle in enumerate(middles):
+        cubic, straight = (at_state(x, y, np.array([middle]), straight=way)[0] for way in (False, True))
+        nearest = sorted(without, key=lambda k: abs(k - i - 0.5))[:2]
+        error = max([without[k] for k in nearest] + [abs(cubic - straight)])
+        assert_allclose(np.log(reading.value[i]), cubic, rtol=1e-12)
+        assert_allclose(np.log(reading.high[i]), min(cubic + error, y[i]), rtol=1e-12)
+        assert_allclose(np.log(reading.low[i]), max(cubic - error, y[i + 1]), rtol=1e-12)
 
 
 @pytest.mark.parametrize("leak", [3.0 * (1 - 1e-9), 3.0, 3.0 * (1 + 1e-9)], ids=["below", "equal", "above"])
