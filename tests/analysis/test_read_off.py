@@ -277,6 +277,16 @@ def test_where_a_way_closes_the_leak_is_between_nothing_and_the_last_one() -> No
     assert_allclose((two.low[0], two.high[0]), (3.0, 5.0), rtol=1e-12)
 
 
+def test_a_modulus_whose_study_cannot_be_read_again_is_in_units_of_that_of_the_study(
+    swept: Dataset, largest: float
+) -> None:
+    pressure = float(swept.nominal_pressure.isel(step=8).mean())
+    known = read_off.ask(swept, largest, "modulus", pressure=pressure)[0]
+    answer = read_off.ask(swept.assign_attrs(study="later: words"), largest, "modulus", pressure=pressure)[0]
+    assert (answer.value, answer.unit) == (known.times, "times the E* of the study")
+    assert (answer.low, answer.high) == pytest.approx((known.low / 10.0, known.high / 10.0))
+
+
 # outside the stored loads
 
 
