@@ -45,6 +45,7 @@ html_copy_source = html_use_index = html_domain_indices = False
 html_show_sphinx = False
 html_show_copyright = False
 copybutton_exclude = ".linenos, .gp, .go"
+smartquotes_action = "qe"  # quotes and ellipses; the two dashes of an option are no dash
 
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
