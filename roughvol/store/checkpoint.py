@@ -20,6 +20,7 @@ import numpy as np
 from roughvol._version import __version__
 from roughvol.errors import DatasetError
 from roughvol.store import stamped_file
+from roughvol.store.provenance import COMPUTING
 from roughvol.study import Case
 
 EVERY = 30.0  # seconds between two checkpoints of a case
@@ -59,7 +60,7 @@ def numerics() -> str:
 
     Only equal ones continue a sweep. The version of roughvol counts, unlike in a finished case.
     """
-    versions = [f"{name} {importlib.metadata.version(name)}" for name in ("numpy", "scipy", "pyfftw")]
+    versions = [f"{name} {importlib.metadata.version(name)}" for name in COMPUTING]
     return ", ".join([f"roughvol {__version__}", *versions, platform.machine(), *_vector_units()])
 
 

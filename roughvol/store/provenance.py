@@ -17,6 +17,8 @@ from roughvol.store.stamped_file import FORMAT
 from roughvol.study import Case, Region
 from roughvol.typing import Sides
 
+COMPUTING = ("numpy", "scipy", "pyfftw", "numba")
+"""Libraries that decide on the last bit of a number."""
 REFERENCE = (
     "M. Paggi, Q.-C. He, Evolution of the free volume between rough surfaces in contact, "
     "Wear 336-337 (2015) 86-95, https://doi.org/10.1016/j.wear.2015.04.021"
@@ -84,7 +86,7 @@ def provenance(
 @functools.cache
 def _libraries() -> str:
     """Return the versions of the libraries; looking them up takes as long as a small sweep."""
-    libraries = {name: importlib.metadata.version(name) for name in ("numpy", "scipy", "pyfftw", "xarray", "netCDF4")}
+    libraries = {name: importlib.metadata.version(name) for name in (*COMPUTING, "xarray", "netCDF4")}
     libraries |= {"python": platform.python_version(), "netcdf-c": netCDF4.__netcdf4libversion__}
     return json.dumps(libraries | {"hdf5": netCDF4.__hdf5libversion__})
 

@@ -77,6 +77,7 @@ def test_damaged_and_foreign_checkpoints_are_as_good_as_none(case: Case, tmp_pat
     assert mine.load() is not None
     assert Checkpoint(path, loads(TEXT).cases()[1], "1").load() is None
     assert Checkpoint(path, case, "2").load() is None  # of other libraries or vector units
+    assert {"numpy", "scipy", "pyfftw", "numba"} <= set(checkpoint.numerics().replace(",", "").split())
     for spoilt in (b"", content[:-1], content[:99], content[:50] + b"\x00" + content[51:], b"x" * 500):
         path.write_bytes(spoilt)
         assert mine.load() is None

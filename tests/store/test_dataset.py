@@ -151,7 +151,8 @@ def test_provenance_names_study_case_code_machine_and_reference() -> None:
     case = _case()
     attributes = provenance.provenance("name: x\n", fft=FFT, cases=[case])
     assert json.loads(attributes["case"]) == json.loads(json.dumps(case.key))
-    assert set(json.loads(attributes["libraries"])) >= {"python", "numpy", "scipy", "pyfftw", "xarray", "netCDF4"}
+    libraries = {"python", "numpy", "scipy", "pyfftw", "numba", "xarray", "netCDF4"}
+    assert set(json.loads(attributes["libraries"])) >= libraries
     assert json.loads(attributes["fft"]) == FFT
     assert "10.1016/j.wear.2015.04.021" in attributes["references"]
     assert all(attributes[name] for name in ("roughvol_version", "study", "host", "cpu_count", "date", "conventions"))
