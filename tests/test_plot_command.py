@@ -68,6 +68,17 @@ def test_the_leak_of_a_gas_is_drawn_where_no_leak_of_a_liquid_is_stored() -> Non
     assert "leak_rate or gas_leak_rate in different units" in refused("plot", "helium", "leaking", "leak_of_p")
 
 
+@pytest.mark.layout
+def test_colour_bars_stay_linear_and_an_axis_from_zero_begins_at_its_first_number(tmp_path: Path) -> None:
+    ran("maps", f"{PLAIN}record: {{fields_at: last, volume_density: {{bins: 9}}}}\n")
+    assert not call("plot", "maps", "fig09", "fig12a", "--log", "xy", "--out", tmp_path).stderr
+    for name, logarithmic in (("fig09", False), ("fig12a", True)):
+        figure = roughvol.plot("maps", name)
+        _shaped(figure, None, "xy")
+        assert {ax.get_xscale() == "log" for ax in figure.axes} == {logarithmic}
+        assert all(ax.get_xlim()[0] > 0.0 for ax in figure.axes if logarithmic)
+
+
 def test_a_curve_on_a_logarithmic_axis_ends_at_its_last_positive_number() -> None:
     fig = Figure()
     (line,) = fig.subplots().plot([2.0, 1.0, -1.0], [0.1, 0.2, 0.3])

@@ -137,11 +137,13 @@ def _shaped(figure: Any, inches: tuple[float, float] | None, log: str | None) ->
         figure.set_size_inches(*inches)
     for ax in figure.axes if log else ():
         for axis in log or "":
-            if ax.name != "rectilinear" or ax.images:
+            if ax.name != "rectilinear" or ax.images or not ax.lines:  # a map and its colour bar
                 continue
             if getattr(ax.dataLim, f"{axis}1") > 0.0:
                 # a curve ends at its last positive x; one that falls to 0 goes to the lower edge
                 getattr(ax, f"set_{axis}scale")("log", nonpositive="mask" if axis == "x" else "clip")
+                if getattr(ax, f"get_{axis}lim")()[0] <= 0.0:  # an axis that begins at 0
+                    ax.autoscale(axis=axis)
                 if axis == "x":
                     plain_ticks(ax.xaxis)
             else:
