@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -93,10 +93,7 @@ class Loaded:
 
     @cached_property
     def curve(self) -> Mapping[str, PchipInterpolator | None]:
-        """The logarithm of the leak along each axis, under fluid pressure of the dry gap, on the first leg.
-
-        `curve_of` has the rule.
-        """
+        """The logarithm of the leak of the first leg by axis, of the dry gap under fluid pressure (`curve_of`)."""
         return {axis: self._curve(axis) for axis in AXES}
 
     def _curve(self, axis: str) -> PchipInterpolator | None:
@@ -170,13 +167,8 @@ def curve_of(points: Mapping[float, float], closes: float) -> PchipInterpolator 
     return PchipInterpolator(*sides, extrapolate=False)
 
 
-@lru_cache(maxsize=8)  # a run is asked whether it reaches the load, and then has its card
-def surfaces_at_load(pressed: Pressed) -> tuple[Loaded, ...]:
-    """Return the surfaces of a run at the load of a card."""
-    return tuple(_at_load(pressed))
-
-
-def _at_load(pressed: Pressed) -> Iterator[Loaded]:
+def surfaces_at_load(pressed: Pressed) -> Iterator[Loaded]:
+    """Yield the surfaces of a run at the load of a card."""
     run = Run.of(SWEEP, pressed.dataset)
     for label, group in groups(derived(run.dataset, run.study)):
         for k in range(group.sizes["seed"]):
