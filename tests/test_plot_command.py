@@ -12,7 +12,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import roughvol
-from roughvol.cli.plot import _shaped
+from roughvol.cli.plot import _check_room, _shaped
+from roughvol.errors import DatasetError
 from roughvol.report.figures import yielding
 from roughvol.report.figures.style import STYLE, axes
 from tests.kit import LEAKING, call, ran, refused, said
@@ -44,7 +45,21 @@ def test_figures_have_every_format_size_and_scale(tmp_path: Path, suffix: str) -
 def test_a_figure_that_has_no_room_is_not_drawn(tmp_path: Path) -> None:
     told = refused("plot", "leaking", "seal_leak_rate", "--size", "1x1in", "--out", tmp_path)
     assert "seal_leak_rate: legend and labels leave no room for the axes in 1 x 1 in; allowed: a larger --size" in told
+    fig, ax = axes(9.0)
+    ax.plot([0.0, 1.0], label="a face whose name is longer than three inches are wide, in the size of a legend")
+    fig.legend(loc="outside upper center")
+    _check_room(fig, "faces")
+    fig.set_size_inches(3.0, 3.0)
+    with pytest.raises(DatasetError, match="faces: legend and labels leave no room"):  # the legend is cut off
+        _check_room(fig, "faces")
     assert not any(tmp_path.iterdir())
+
+
+def test_a_logarithmic_axis_leaves_rounding_out() -> None:
+    fig = Figure()
+    fig.subplots().plot([1e-16, 0.5, 3.0], [1.0, 2.0, 4.0])  # d/σ at the mean plane
+    _shaped(fig, None, "x")
+    assert fig.axes[0].get_xlim()[0] == 0.5
 
 
 def test_all_figures_of_the_latest_run_are_drawn_without_a_name() -> None:

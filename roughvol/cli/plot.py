@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from roughvol.report.figures.style import Drawing
 
 LEAST, MOST = 1.0, 40.0  # inches of a figure
+BEYOND = 0.05  # inches by which letters may reach over the edge of a figure of a given size
+ROUNDING = 1e-12  # of the largest number of an axis: smaller ones are 0 but for rounding
 INCH = {"mm": 1 / 25.4, "cm": 1 / 2.54, "in": 1.0, "": 1.0}
 PAPER = re.compile(r"fig\d\d[ab]?")  # names of the figures of the paper
 
@@ -82,6 +84,8 @@ def plot(
         try:
             figure = draw()
             left = _shaped(figure, inches, log)
+            if inches is not None and suffix != "csv":
+                _check_room(figure, name)
             _write(figure, target)
         except DatasetError as error:
             refused += [] if suffix == "csv" and not wanted else [str(error)]  # maps of a run have no points
@@ -101,19 +105,25 @@ def _write(figure: Drawing, target: Path) -> None:
     from roughvol.store import stamped_file
 
     if target.suffix != ".csv":
-        try:
-            with warnings.catch_warnings():
-                warnings.filterwarnings("error", "constrained_layout not applied", UserWarning)
-                stamped_file.make_folder(target.parent)
-                figure.savefig(target)
-        except UserWarning as error:
-            width, height = figure.get_size_inches()
-            message = f"{target.stem}: legend and labels leave no room for the axes in {width:.3g} x {height:.3g} in"
-            raise DatasetError(f"{message}; allowed: a larger --size") from error
+        stamped_file.make_folder(target.parent)
+        figure.savefig(target)
         return
     points = list(content.data(figure))
     held = [name for name in content.COLUMNS if any(point[name] is not None for point in points)]
     stamped_file.write(target, csv_text(held, ([point[name] for name in held] for point in points)).encode())
+
+
+def _check_room(figure: Drawing, name: str) -> None:
+    """Refuse a size in which the axes have no room beside legend and labels, or these no room themselves."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        figure.draw_without_rendering()
+    width, height = figure.get_size_inches()
+    box = figure.get_tightbbox()
+    inside = min(box.x0, box.y0, width - box.x1, height - box.y1) > -BEYOND
+    if not inside or any("constrained_layout not applied" in str(one.message) for one in told):
+        message = f"{name}: legend and labels leave no room for the axes in {width:.3g} x {height:.3g} in"
+        raise DatasetError(f"{message}; allowed: a larger --size")
 
 
 def _inches(size: str | None) -> tuple[float, float] | None:
@@ -145,6 +155,9 @@ def _shaped(figure: Any, inches: tuple[float, float] | None, log: str | None) ->
                 if getattr(ax, f"get_{axis}lim")()[0] <= 0.0:  # an axis that begins at 0
                     ax.autoscale(axis=axis)
                 if axis == "x":
+                    numbers = [float(x) for line in ax.lines for x in line.get_xdata() if x > 0.0]
+                    if min(numbers) < (least := ROUNDING * max(numbers)):  # as d/σ at the mean plane
+                        ax.set_xlim(left=min(x for x in numbers if x >= least))
                     plain_ticks(ax.xaxis)
             else:
                 left.append(axis)
