@@ -59,7 +59,11 @@ def test_a_logarithmic_axis_leaves_rounding_out() -> None:
     fig = Figure()
     fig.subplots().plot([1e-16, 0.5, 3.0], [1.0, 2.0, 4.0])  # d/σ at the mean plane
     _shaped(fig, None, "x")
-    assert fig.axes[0].get_xlim()[0] == 0.5
+    assert fig.axes[0].get_xlim() == (0.5, 3.0)
+    fig = roughvol.plot("plain", "fig05")
+    _shaped(fig, None, "xy")
+    (same, *_), low = fig.axes[0].get_lines(), fig.axes[0].get_xlim()[0]
+    assert np.count_nonzero(same.get_xdata() > low) > 30  # V* = d/σ is seen
 
 
 def test_all_figures_of_the_latest_run_are_drawn_without_a_name() -> None:

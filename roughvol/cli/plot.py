@@ -157,7 +157,7 @@ def _shaped(figure: Any, inches: tuple[float, float] | None, log: str | None) ->
                 if axis == "x":
                     numbers = [float(x) for line in ax.lines for x in line.get_xdata() if x > 0.0]
                     if min(numbers) < (least := ROUNDING * max(numbers)):  # as d/σ at the mean plane
-                        ax.set_xlim(left=min(x for x in numbers if x >= least))
+                        ax.set_xlim(min(x for x in numbers if x >= least), max(numbers))
                     plain_ticks(ax.xaxis)
             else:
                 left.append(axis)

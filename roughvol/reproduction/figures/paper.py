@@ -211,7 +211,8 @@ def fig05(ds: Dataset) -> Drawing:
     ends = [some[0], some[-1]] if "D" in ds.dims and len(some) > 1 else some
     far = max(float(family.data[D_SIGMA].max()) for family in ends)
     fig, ax = axes()
-    ax.plot([0.0, far], [0.0, far], ls="--", color="k", lw=0.8, label=r"$V^{\ast} = d/\sigma$")
+    same = far * np.append(0.0, np.geomspace(1e-3, 1.0, 40))  # seen on logarithmic axes too
+    ax.plot(same, same, ls="--", color="k", lw=0.8, label=r"$V^{\ast} = d/\sigma$")
     plot(ax, ends, [curves(family, D_SIGMA, V) for family in ends], (LABELS[D_SIGMA], LABELS[V]), title)
     fig.shown = shown(ends)
     return fig
