@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
-from xarray import Dataset
+from xarray import DataArray, Dataset
 
 from roughvol.errors import DatasetError
 from roughvol.store.variants import parts_of, study_in
@@ -140,7 +141,11 @@ class Run:
 
     def computed(self, *, D: float, m: int) -> int:
         """Return how many surfaces of one D and m are stored."""
-        return int(self.dataset["Sq"].sel(D=D, m=m).notnull().sum())
+        return int(self._counts.sel(D=D, m=m))
+
+    @cached_property
+    def _counts(self) -> DataArray:
+        return self.dataset["Sq"].notnull().sum("seed")
 
     @property
     def L(self) -> float:

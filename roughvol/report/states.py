@@ -122,9 +122,9 @@ def every_step(group: Dataset) -> Iterator[tuple[State, Dataset]]:
 
 def _lacks_flow(row: Row) -> bool:
     """Return whether a flow is not known at a state at a level; `leak.DRY_NOTE` says it under fluid pressure."""
-    flows = [variable for name, variable in row.data.data_vars.items() if is_flow(str(name))]
-    at_level = "=" in row.state.label and bool(row.state.reached) and not leak.is_lifted(row.state.data)
-    return at_level and any(bool(flow.isnull().all()) for flow in flows)
+    if "=" not in row.state.label or not row.state.reached or leak.is_lifted(row.state.data):
+        return False
+    return any(is_flow(str(name)) and bool(flow.isnull().all()) for name, flow in row.data.data_vars.items())
 
 
 def sentences(said: Mapping[str, bool]) -> str:

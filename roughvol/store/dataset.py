@@ -250,8 +250,11 @@ def answers(dataset: Dataset) -> Dataset:
     return dataset.drop_vars(TIMES, errors="ignore").drop_attrs(deep=False)
 
 
-def recorded_state(case: Dataset, dim: str, index: int) -> Dataset:
-    """Return one case at a recorded state, as of ``field_at``: its numbers in place of those of the step."""
+def recorded_state(case: Dataset, dim: str, index: int, *names: str) -> Dataset:
+    """Return one case at a recorded state, as of ``field_at``: its numbers, or some, in place of those of the step."""
+    if names:
+        own_names = [f"{dim}_{name}" for name in names if f"{dim}_{name}" in case]
+        case = case[[f"{dim}_step", *names, *own_names]]
     state = case.isel({dim: index})
     state = state.sel(step=int(state[f"{dim}_step"]))
     own = {str(name): str(name).removeprefix(f"{dim}_") for name in state.data_vars if str(name).startswith(f"{dim}_")}

@@ -159,7 +159,7 @@ def state_of_boxes(run: Run) -> tuple[float, int, str]:
     areas = {}
     for place, label in enumerate(case["box_at"].values.tolist()):
         steps = case["box_at_step"].sel(box_at=label).values
-        reached = [float(recorded_state(case.isel(seed=k), "box_at", place)[A]) for k in np.flatnonzero(steps > 0)]
+        reached = [float(recorded_state(case.isel(seed=k), "box_at", place, A)[A]) for k in np.flatnonzero(steps > 0)]
         if len(reached) == run.seeds:
             areas[label] = float(np.mean(reached))
     require(areas, "a box-counted state that every surface reaches")

@@ -46,7 +46,7 @@ class PaperFigure(Figure):
                 f"{self.name} shows midpoint displacement of a free patch, and the surfaces of the dataset are others"
             )
         # One D alone is still worth drawing, unless the dataset compares m: then that figure has the same axes.
-        lone = self.by in ("D", "m") and len(families(ds, self.by, *self.needs)[0]) < 2
+        lone = self.by in ("D", "m") and len(families(ds[list(self.needs)], self.by, *self.needs)[0]) < 2
         if lone and (self.by == "m" or ds.sizes.get("m", 0) > 1):
             return f"{self.name} compares values of {self.by}, and the dataset has one"
         return None

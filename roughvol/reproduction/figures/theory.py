@@ -148,7 +148,7 @@ def theory_dimension(evidence: Evidence) -> Drawing:
             dimensions = shape.fitted_dimension(r, counts[:, 0])
             steps = run.dataset["box_at_step"].sel(D=D, m=m, box_at=label).values
             for k in np.flatnonzero(steps > 0):
-                state = recorded_state(run.dataset.sel(D=D, m=m).isel(seed=k), "box_at", place)
+                state = recorded_state(run.dataset.sel(D=D, m=m).isel(seed=k), "box_at", place, P, A)
                 points.append((float(state[P]), float(state[A]), dimensions[k]))
         p, a, dimension = np.array(points).T
         for ax, x in zip(panels, (p, a), strict=True):
