@@ -133,11 +133,11 @@ class Path:
         last, before = states[-1], states[-2]["indentation"] if len(states) > 1 else -np.inf
         trials = Trials(surface, self._half_space, options, after=last)
         start = trials.known(last, so_far.residual)
-        falls, fell = goal.value < goal.measure(start), last["indentation"] < before
-        if target.kind in ("contact_area", "pressure") and not (case.plastic or falls or fell):
+        begin, fell = goal.measure(start), last["indentation"] < before
+        if target.kind in ("contact_area", "pressure") and goal.value > begin and not (case.plastic or fell):
             trials.least = start
             return state_reaching(trials, goal, [start], below=True).approach
-        if falls != fell or not self._half_space.kernel.m_matrix:
+        if (goal.value < begin) != fell or not self._half_space.kernel.m_matrix:
             trials = Trials(surface, self._half_space, options, after=last, turned=True)
             start = trials.known(last, so_far.residual)
         return state_crossing(trials, goal, start).approach

@@ -18,7 +18,7 @@ from roughvol.gap.box_counting import box_counts
 from roughvol.reproduction.claims import ABSENT, CLAIMS, FAILS, HOLDS, QUALIFIED, Check, Claim, Evidence, Number, assess
 from roughvol.reproduction.claims import statistics as stats
 from roughvol.reproduction.claims.density import pooled
-from roughvol.reproduction.claims.evidence import Lacking, area_slopes, at
+from roughvol.reproduction.claims.evidence import Lacking, area_slopes, at, slopes_of_area
 from roughvol.reproduction.claims.many_seeds import many_seeds
 from roughvol.reproduction.claims.shape import fitted_dimension
 from roughvol.reproduction.claims.verdict import above, below, plain
@@ -192,6 +192,16 @@ def test_slopes_are_those_of_the_line_through_the_origin(small: Run) -> None:
     area = 0.07 * small.dataset["mean_pressure"]
     slopes, _ = area_slopes(_with(small, contact_area_fraction=area), small.D, small.m)
     assert all(np.allclose(each, 0.07, rtol=1e-12) for each in slopes.values())
+
+
+def test_a_surface_that_is_not_pressed_has_no_slope_and_others_take_their_first_pressures() -> None:
+    late = np.array([[0.0, 0.0, 3.0], [0.0, 0.0, 0.0]])
+    slopes, limit = slopes_of_area(
+        {"early": (np.array([[1.0, 2.0]]), np.array([[0.2, 0.4]])), "late": (late, 0.1 * late)}
+    )
+    assert limit == 3.0
+    assert slopes["early"].tolist() == pytest.approx([0.2])
+    assert slopes["late"].tolist() == pytest.approx([0.1, np.nan], nan_ok=True)
 
 
 def test_volume_independent_of_D_is_seen_as_such(small: Run) -> None:

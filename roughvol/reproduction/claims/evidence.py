@@ -182,12 +182,15 @@ def slopes_of_area(curves: Mapping[Key, tuple[Array, Array]]) -> tuple[dict[Key,
     """Return A*/p* of every surface by key, and the pressure up to which it is taken: the rule of Fig. 4b.
 
     Slope of the least-squares line through the origin over 0 < p* ≤ limit. The limit is the largest pressure that all
-    surfaces reach, or the largest of their first pressures. ``curves`` are (p*, A*), (surfaces, steps), NaN if missing.
+    surfaces reach, or the largest of their first pressures above 0. ``curves`` are (p*, A*), (surfaces, steps), NaN if
+    missing.
     """
     limit = min(float(np.nanmax(p, axis=1).min()) for p, _ in curves.values())
-    limit = max(limit, *(float(np.nanmin(p, axis=1).max()) for p, _ in curves.values()))
+    first = np.concatenate([np.where(p > 0.0, p, np.inf).min(axis=1) for p, _ in curves.values()])
+    limit = max(limit, float(first[np.isfinite(first)].max(initial=0.0)))
     slopes = {}
     for key, (p, area) in curves.items():
         used = np.where(p <= limit, p, 0.0)
-        slopes[key] = np.nansum(used * area, axis=1) / np.nansum(used * p, axis=1)
+        with np.errstate(invalid="ignore"):  # of a surface without pressure, as in a region without contact: NaN
+            slopes[key] = np.nansum(used * area, axis=1) / np.nansum(used * p, axis=1)
     return slopes, limit
