@@ -263,6 +263,12 @@ def test_regions_of_one_surface_have_no_band(one: Dataset) -> None:
         assert any(np.array_equal(values, state["transmissivity_within"].sel(axis=axis)) for values in drawn)
 
 
+def test_regions_whose_flow_is_on_another_leg_are_drawn_without_it(one: Dataset) -> None:
+    fig = FIGURES["seal_region"](one.assign(transmissivity_within=np.nan * one["transmissivity_within"]))
+    assert len(fig.axes) == 3
+    assert all(ax.lines for ax in fig.axes)
+
+
 def test_percolation_falls_from_one_to_zero(drawn: Callable[[str], Figure]) -> None:
     for panel in range(6):
         lines = _lines(drawn("seal_percolation"), panel, f"along ${'xy'[panel // 3]}$")

@@ -177,7 +177,7 @@ def seal_region(ds: Dataset) -> Drawing:
     names = {"contact_area_fraction_within": r"$A^{\ast}$", "mean_pressure_within": r"$p^{\ast}$"}
     names |= {"free_volume_within": r"$V^{\ast}$"}
     flow = "transmissivity_within"
-    flows = AXES if flow in ds else ()
+    flows = AXES if flow in ds and bool(family.data[flow].notnull().any()) else ()  # perhaps on another leg alone
     recorded = family.data[flow].sel(axis="x") if flows else family.data["free_volume_within"]
     stored = recorded.notnull().any(["seed", "region_width"])
     pressed = (family.data[A] > 0.0).all("seed")  # else there is nothing to take shares of
