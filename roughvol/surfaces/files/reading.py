@@ -157,7 +157,7 @@ def _checked(path: Path, array: NDArray[Any], holes: bool) -> Array:
         marked_by = f" ({', '.join(marks[:3])} marks a missing one)" if marks else ""
         message = (
             f"{path}: {count} missing or not finite, the first in row {row}, column {column}{marked_by}; "
-            "a study may have them filled (surface.missing)"
+            "surface.missing: interpolate, or nearest, fills them in a study"
         )
         raise SurfaceError(message)
     return np.where(missing, np.nan, heights) if holes else heights
