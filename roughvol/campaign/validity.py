@@ -188,7 +188,7 @@ def before(
 
         (p/s²) exp(-p²/(2 s²)) with s = Sdq/2, and the mean √(π/2) s = 0.63 Sdq.
 
-    ``targets`` are the ends of the legs. Sq, Sdq and L are those of the roughest surface, unused if ``given.scaled`` is
+    ``targets`` are the ends of the legs, and listed states. Sq, Sdq and L are those of the roughest surface, unused if ``given.scaled`` is
     False. ``peak`` is its highest point above the mean plane over Sq.
     """
     scale = 0.5 * Sdq if given.scaled else math.nan
@@ -277,7 +277,8 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[Finding]:
         surface = surface_of(replace(case, D=max(made.dimensions), m=m))
         size = (made.height or surface.Sq) / surface.Sq
     surface = surface or surface_of(case)
-    targets = [leg.target for leg in path.starred(case, surface).sweep.legs]
+    legs = path.starred(case, surface).sweep.legs
+    targets = [level for leg in legs for level in leg.listed or (leg.target,)]
     Sdq = size * texture.Sdq(surface.with_neighbours, surface.spacing)
     return before(given, targets, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side, peak=surface.peak)
 

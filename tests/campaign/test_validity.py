@@ -249,8 +249,9 @@ def test_metal_beyond_the_reach_of_perfect_plasticity_is_named() -> None:
 
 
 def test_the_highest_load_of_a_path_is_foreseen() -> None:
-    highest = "{steps: 2, to: {pressure: 2 MPa}}"
-    for legs in (highest, f"[{{steps: 2, to: {{separation: 1}}}}, {highest}, {{steps: 2, to: {{pressure: 0}}}}]"):
+    highest, ends = "{steps: 2, to: {pressure: 2 MPa}}", "{steps: 2, to: {separation: 1}}"
+    listed = "{pressures: [2 MPa, 1 MPa]}"  # its last state is not the highest
+    for legs in (highest, f"[{ends}, {highest}, {{steps: 2, to: {{pressure: 0}}}}]", f"[{ends}, {listed}]"):
         sentence = _before(f"{RUBBER}sweep: {legs}\n")["nominal_pressure"].sentence
         assert "will be about 0.2 E* at the highest load" in sentence
 
