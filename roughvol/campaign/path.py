@@ -187,10 +187,10 @@ def _even(leg: Sweep, low: float, high: float, number: int) -> list[float]:
     if number == 0:
         low = leg.first or high / RANGE
         places = np.arange(leg.steps) / max(leg.steps - 1, 1) if leg.steps > 1 else np.ones(1)
-        if not low < high and leg.steps > 1:
-            raise ContactError(f"the first step is at p* = {low:.6g}; allowed: below that of the last, {high:.6g}")
     if not (low > 0.0 and high > 0.0):
         raise ContactError(f"equal ratios from p* = {low:.6g} to {high:.6g} on leg {number + 1}; allowed: both > 0")
+    if number == 0 and leg.steps > 1 and not low < high:
+        raise ContactError(f"the first step is at p* = {low:.6g}; allowed: below that of the last, {high:.6g}")
     return list((low * (high / low) ** places).tolist())
 
 

@@ -188,8 +188,8 @@ def before(
 
         (p/s²) exp(-p²/(2 s²)) with s = Sdq/2, and the mean √(π/2) s = 0.63 Sdq.
 
-    ``targets`` are the ends of the legs, and listed states. Sq, Sdq and L are those of the roughest surface, unused if ``given.scaled`` is
-    False. ``peak`` is its highest point above the mean plane over Sq.
+    ``targets`` are the ends of the legs, and listed states. Sq, Sdq and L are those of the roughest surface, unused if
+    ``given.scaled`` is False. ``peak`` is its highest point above the mean plane over Sq.
     """
     scale = 0.5 * Sdq if given.scaled else math.nan
     ends = [_end(target, scale, Sq / L) for target in targets if given.scaled]
