@@ -107,6 +107,24 @@ def test_a_load_beyond_a_sweep_that_ended_closed_is_closed() -> None:
         assert (way["leak_interval"] == [0.0, 0.0]) == beyond
 
 
+@pytest.mark.parametrize(("separation", "grids"), [(7.7, 0), (2.7, 1)])
+def test_a_card_says_which_of_its_other_runs_failed(separation: float, grids: int) -> None:
+    z = np.random.default_rng(0).standard_normal((64, 64))
+    z[20:22, 20] = 8.0  # means over 2 x 2 nodes halve this peak and the others
+    np.savetxt("face0.txt", z, header="heights in um")
+    text = SEAL.replace(GENERATED, "{file: face0.txt, L: 100 um, level: mean}")
+    study = _study(text.replace("to: percolation", f"to: {{separation: {separation}}}"))
+    for way in roughvol.card(study, jobs=1).cards[""].ways:
+        assert len(way.coarser) == grids
+        parts = {part.name: part for part in way.parts}
+        assert list(parts) == ["solver", "grid", "window", "levelling"]
+        assert parts["grid"].known == bool(grids)
+        assert parts["levelling"].known == bool(grids)
+        unknown = [part.words for part in parts.values() if part.name in ("grid", "levelling") and not part.known]
+        assert all("not computed at twice the spacing: face0" in words for words in unknown)
+        assert all("allowed: beyond first touch" in words for words in unknown)
+
+
 def test_several_maps_have_a_card_each_one_together_and_a_table() -> None:
     _maps(0.3, 0.6)
     study = _study(PRESSED.replace(GENERATED, '{files: "face*.txt", L: 100 um}'))

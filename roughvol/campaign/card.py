@@ -15,7 +15,7 @@ from typing import Any
 from roughvol.campaign import execution
 from roughvol.campaign.batch import OnEvent
 from roughvol.campaign.case_surface import surface_of
-from roughvol.errors import Problem, StudyError
+from roughvol.errors import CampaignError, Problem, StudyError
 from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.study import HeightFile, Level, Quantity, Region, Seal, Study
 
@@ -227,7 +227,8 @@ def compute(
     """Return the runs of a card, each in a folder inside ``folder``; finished runs are read.
 
     ``accept`` is called with the finest run before the others are computed; it may raise. The runs record all loads of
-    `together`, by default the load of the card alone. Other arguments as in `plan` and `execution.run`.
+    `together`, by default the load of the card alone. A coarser run or another levelling may fail: the card then says
+    so. Other arguments as in `plan` and `execution.run`.
     """
     if study.axes:
         message = "a card shows one combination; allowed: one value in place of each list"
@@ -242,8 +243,19 @@ def compute(
 
     fine = pressed(planned.fine)
     accept(fine)
-    coarser = tuple(pressed(grid) for grid in planned.coarser)
-    return CardRuns(fine, coarser, pressed(planned.levelled) if planned.levelled is not None else None)
+    coarser, levelled, no_coarser, no_levelled = list[Pressed](), None, "", ""
+    try:
+        coarser.extend(map(pressed, planned.coarser))
+    except CampaignError as error:
+        no_coarser = f"not computed at {planned.coarser[len(coarser)].words}: {str(error).splitlines()[-1]}"
+    try:
+        if planned.coarser and not coarser:  # the levelling is changed on its grid
+            no_levelled = no_coarser if planned.levelled is not None else ""
+        elif planned.levelled is not None:
+            levelled = pressed(planned.levelled)
+    except CampaignError as error:
+        no_levelled = f"not computed: {str(error).splitlines()[-1]}"
+    return CardRuns(fine, tuple(coarser), levelled, no_coarser, no_levelled)
 
 
 def slug(text: str) -> str:

@@ -25,12 +25,14 @@ class CardRuns:
     """The runs of one height file, or of the seeds of one kind of surface.
 
     ``coarser`` has the runs at 2 and 4 times the spacing, as far as the grid has nodes for them. ``levelled`` is on the
-    grid of `before_levelling`.
+    grid of `before_levelling`. ``no_coarser`` and ``no_levelled`` say which of these runs failed, and why.
     """
 
     fine: Pressed
     coarser: tuple[Pressed, ...] = ()
     levelled: Pressed | None = None
+    no_coarser: str = ""
+    no_levelled: str = ""
 
     @property
     def before_levelling(self) -> Pressed:

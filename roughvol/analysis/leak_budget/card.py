@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from roughvol.analysis.average import average
 from roughvol.analysis.closing import load_of
 from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.leak import is_lifted
-from roughvol.analysis.leak_budget.grid import Finer, grid_part, grid_part_of_load
+from roughvol.analysis.leak_budget.grid import NO_COARSER, Finer, grid_part, grid_part_of_load
 from roughvol.analysis.leak_budget.levelling import Levelled, levelling_part, levelling_part_of_load
 from roughvol.analysis.leak_budget.solver import solver_part, solver_part_of_load
 from roughvol.analysis.leak_budget.state import (
@@ -42,6 +42,8 @@ from roughvol.observables.variables import AXES
 from roughvol.observables.void import quarters
 from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.typing import Array
+
+PARTS = ("solver", "grid", "window", "levelling")  # of an error, in the order of a card
 
 
 def is_reached(fine: Pressed) -> bool:
@@ -74,7 +76,11 @@ def card_of(runs: Sequence[CardRuns], name: str, load: str) -> Card:
     if len(levels) == len(runs):
         _, before = comparable([of_file.before_levelling for of_file in runs], fine)
         levelled = Levelled(levels[0].words, before, comparable(levels, fine)[1])
-    ways = tuple(_way(fine, coarser, levelled, axis) for axis in AXES)
+    no_coarser = next(filter(None, (of_file.no_coarser for of_file in runs)), NO_COARSER)
+    no_levelled = next(filter(None, (of_file.no_levelled for of_file in runs)), "")
+    unknown = {"grid": "" if coarser else no_coarser, "levelling": no_levelled}
+    lacking = {name: Part(name, math.nan, words) for name, words in unknown.items() if words}
+    ways = tuple(_way(fine, coarser, levelled, lacking, axis) for axis in AXES)
     texts = (str(of_file.fine.dataset.attrs.get("warnings", "")) for of_file in runs)
     warnings = (line.strip() for text in texts for line in text.splitlines())
     units = {
@@ -194,25 +200,30 @@ def _beside(fine: Sequence[Loaded]) -> Iterator[Beside]:
             yield Beside(text, tuple(average(name, row) for row in leaks), fine[0].unit(name))
 
 
-def _way(fine: Sequence[Loaded], coarser: Grids, levelled: Levelled | None, axis: str) -> Way:
-    """Return the leak along one axis with its closing and its error."""
+def _way(
+    fine: Sequence[Loaded], coarser: Grids, levelled: Levelled | None, lacking: Mapping[str, Part], axis: str
+) -> Way:
+    """Return the leak along one axis with its closing and its error; ``lacking`` are parts whose runs are missing."""
     leak = leak_of(fine, axis)
     finer = [Finer.of(surface, others) for surface, *others in same_surfaces(fine, coarser)]
     window = window_part_of_load(fine, axis)
-    of_load = [solver_part_of_load(fine, axis), grid_part_of_load(fine, coarser, finer, axis), window]
+    found = {"solver": solver_part_of_load(fine, axis), "window": window, **lacking}
+    if coarser:
+        found["grid"] = grid_part_of_load(fine, coarser, finer, axis)
     if levelled is not None:
-        of_load.append(levelling_part_of_load(levelled, axis))
-    closing = replace(closing_of(fine, axis), parts=tuple(of_load))
+        found["levelling"] = levelling_part_of_load(levelled, axis)
+    closing = replace(closing_of(fine, axis), parts=tuple(found[name] for name in PARTS if name in found))
     others = tuple((words, closing_of(surfaces, axis)) for words, surfaces in coarser)
     if leak.value > 0.0:
-        parts = [solver_part(fine, axis), grid_part(fine, coarser, finer, axis), window_part(fine, window, axis)]
+        found |= {"solver": solver_part(fine, axis), "window": window_part(fine, window, axis)}
+        if coarser:
+            found["grid"] = grid_part(fine, coarser, finer, axis)
         if levelled is not None:
-            parts.append(levelling_part(fine, levelled, axis))
-    else:
-        parts = of_load
+            found["levelling"] = levelling_part(fine, levelled, axis)
+    parts = tuple(found[name] for name in PARTS if name in found)
     count = sum(surface.leak(axis) > 0.0 for surface in fine)
     most = _at_most(fine, closing, axis) if leak.value == 0.0 else math.nan
-    return Way(axis, leak, count, fine[0].unit(), closing, others, _last_open(fine, axis), tuple(parts), most)
+    return Way(axis, leak, count, fine[0].unit(), closing, others, _last_open(fine, axis), parts, most)
 
 
 def _at_most(fine: Sequence[Loaded], closing: Closing, axis: str) -> float:

@@ -81,18 +81,17 @@ def _finer_words(finer: Sequence[Finer]) -> str:
 
 
 def grid_part_of_load(fine: Sequence[Loaded], coarser: Grids, finer: Sequence[Finer], axis: str) -> Part:
-    """Return the part of the grid of the closing load."""
-    if not coarser:
-        return Part("grid", math.nan, NO_COARSER)
+    """Return the part of the grid of the closing load, from one coarser grid at least."""
     fall, rise = (float(np.mean(logs)) for logs in zip(*(below.of_closing for below in finer), strict=True))
     words = "; ".join((_trend(fine, coarser, axis), _finer_words(finer)))
     return Part("grid", math.exp(rise), words, math.exp(fall))
 
 
 def grid_part(fine: Sequence[Loaded], coarser: Grids, finer: Sequence[Finer], axis: str) -> Part:
-    """Return the part of the grid of the leak: that of the loads, at most twice the change from twice the spacing."""
-    if not coarser:
-        return Part("grid", math.nan, NO_COARSER)
+    """Return the part of the grid of the leak: that of the loads, at most twice the change from twice the spacing.
+
+    There is one coarser grid at least.
+    """
     words = ", ".join(f"{words}: {_change(fine, surfaces, axis)}" for words, surfaces in coarser)
     low, high = list[float](), list[float]()
     for (surface, coarse, *_), below in zip(same_surfaces(fine, coarser), finer, strict=True):
