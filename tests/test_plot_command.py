@@ -82,8 +82,11 @@ def test_the_leak_of_a_gas_is_drawn_where_no_leak_of_a_liquid_is_stored() -> Non
     ran("helium", f"{text}fluid: {{gas: helium, inlet: 2 bar, outlet: 1 bar}}\n{record}")
     figure = roughvol.plot("helium", "leak_of_p")
     along_x, *_ = (line for line in figure.axes[0].get_lines() if figure.sources.get(line, {}).get("axis") == "x")
-    stored = roughvol.open("helium").gas_leak_rate.sel(axis="x").values.ravel()
+    run = roughvol.open("helium")
+    stored = run.gas_leak_rate.sel(axis="x").values.ravel()
     assert along_x.get_ydata().tolist() == stored[stored > 0.0].tolist()
+    beside = run.assign(leak_rate=(np.nan * run.gas_leak_rate).assign_attrs(units="mm^3/s"))  # at a state not reached
+    assert roughvol.plot(beside, "leak_of_p").axes[0].get_ylabel() == figure.axes[0].get_ylabel()
     assert "leak_rate or gas_leak_rate in different units" in refused("plot", "helium", "leaking", "leak_of_p")
 
 

@@ -92,11 +92,15 @@ def missing(name: str, runs: Sequence[Named]) -> str | None:
     """Return why a figure cannot be drawn from runs, None if it can."""
     for run in runs:
         for key in name.rsplit("_of_", 1):
-            known = [_stored(run.ready, variable) for variable in VARIABLES_OF.get(key, [key])]
-            reasons = [lacking(name, run.ready, (variable,)) for variable in known]
+            reasons = [_lacks(name, run.ready, variable) for variable in VARIABLES_OF.get(key, [key])]
             if all(reasons):
                 return f"{run.name}: {'; '.join(map(str, reasons))}"
     return None
+
+
+def _lacks(figure: str, ds: Dataset, variable: str) -> str | None:
+    """Return why a figure of a variable cannot be drawn from a dataset, None if it can."""
+    return lacking(figure, ds, (_stored(ds, variable),))
 
 
 def _stored(ds: Dataset, name: str) -> str:
@@ -229,11 +233,11 @@ def _positive(curve: Curve) -> Curve:
 
 
 def _variable(key: str, runs: Sequence[Named]) -> str:
-    """Return the variable to draw: the first that all runs have, with one unit."""
+    """Return the variable to draw: the first of which all runs have values, with one unit."""
     known = VARIABLES_OF.get(key, [key])
     units = {name: {_unit(name, run.dataset) for run in runs if name in run.dataset} for name in known}
     for name, found in units.items():
-        if all(name in run.dataset for run in runs) and len(found) == 1:
+        if len(found) == 1 and not any(_lacks(key, run.dataset, name) for run in runs):
             return name
     differing = ", ".join(sorted(set().union(*units.values())))
     raise DatasetError(f"the runs have {' or '.join(known)} in different units: {differing}")
