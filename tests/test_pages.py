@@ -155,6 +155,14 @@ def test_targets_of_make_that_a_page_names_exist(page: str) -> None:
     assert set(re.findall(r"`make ([a-z-]+)`", _text(page))) <= targets
 
 
+def test_slow_tests_that_pages_name_exist() -> None:
+    pages = " ".join(word for page in PROSE for word in _text(page).split())
+    texts = [f"{path}\n{path.read_text(encoding='utf-8')}" for path in ROOT.glob("tests/**/test_*.py")]
+    for words in re.findall(r"`pytest -m slow ([^`]+)`", pages):
+        pattern = re.sub(r"^-k (\w+)$", r"def \\w*\1", words)
+        assert any("mark.slow" in text and re.search(pattern, text) for text in texts), words
+
+
 def test_make_help_describes_every_target() -> None:
     phony = re.findall(r"[a-z-]+", _text("Makefile").partition(".PHONY:")[2].partition("\n")[0])
     shown = subprocess.run(["make", "help"], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60).stdout
