@@ -9,6 +9,7 @@ sdist, and the package is the installed one. `--json` keeps the rows, and `--row
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import platform
@@ -149,6 +150,18 @@ def canonical(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
+def pythons() -> list[str]:
+    """Return the Python versions that the package names."""
+    lines = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["classifiers"]
+    return [line.rpartition(" :: ")[2] for line in lines if ":: Python :: 3." in line]
+
+
+def without_row(rows: list[dict[str, Any]]) -> list[str]:
+    """Return the Python versions, with lowest or newest libraries, that the package names and no row has."""
+    tried = {(row["python"].rpartition(".")[0], row["libraries"]) for row in rows}
+    return [" ".join(pair) for pair in itertools.product(pythons(), LIBRARIES) if pair not in tried]
+
+
 def page(rows: list[dict[str, Any]]) -> str:
     """Return the page: environments, and the versions of the libraries that roughvol names."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -199,7 +212,9 @@ def main() -> None:
                     given.json.write_text(json.dumps(rows, indent=1), encoding="utf-8")
     for file in given.rows:
         rows += json.loads(file.read_text(encoding="utf-8"))
-    if given.page:
+    if given.page and (absent := without_row(rows)):
+        print(f"{PAGE.relative_to(ROOT)} stays as it is: no row of {', '.join(absent)}")
+    elif given.page:
         rows.sort(key=lambda row: ([int(part) for part in row["python"].split(".")], row["libraries"]))
         PAGE.write_text(page(rows), encoding="utf-8")
 

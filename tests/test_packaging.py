@@ -16,6 +16,7 @@ import pytest
 import yaml
 
 import roughvol
+from tests import publish
 from tests.kit import python
 from tests.publish import LIBRARIES, PAGE, extract
 
@@ -71,12 +72,23 @@ def test_the_citation_agrees_with_the_package() -> None:
 
 
 def test_the_python_versions_that_are_named_were_tried_with_the_lowest_and_the_newest_libraries() -> None:
-    named = [line.rpartition(" :: ")[2] for line in PROJECT["classifiers"] if ":: Python :: 3." in line]
+    named = publish.pythons()
     row = re.compile(r"^\| (3\.\d+)\.\d+ \| (lowest|newest) \|.* (\d+) passed", re.MULTILINE)
     rows = row.findall(PAGE.read_text(encoding="utf-8"))
     assert {(version, libraries) for version, libraries, _ in rows} == set(itertools.product(named, LIBRARIES))
     assert all(int(passed) > 200 for *_, passed in rows)
     assert PROJECT["requires-python"] == f">={named[0]}"
+
+
+def test_the_page_of_installed_libraries_is_not_written_without_a_row_of_every_python(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before, kept = PAGE.read_text(encoding="utf-8"), tmp_path / "rows.json"
+    kept.write_text(json.dumps([{"python": "3.11.7", "libraries": "newest"}]))
+    monkeypatch.setattr(sys, "argv", ["publish", "--page", "--python", "--rows", str(kept)])
+    publish.main()
+    assert "stays as it is: no row of 3.11 lowest, 3.12 lowest, 3.12 newest" in capsys.readouterr().out
+    assert PAGE.read_text(encoding="utf-8") == before
 
 
 def test_the_page_of_installed_libraries_has_the_bounds_of_the_project() -> None:
