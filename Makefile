@@ -134,7 +134,7 @@ coverage: setup  ## run the tests with branch coverage, HTML in runs/coverage
 	@$(BIN)/python -m pytest -n 2 --dist worksteal --cov --cov-report term:skip-covered --cov-report html
 
 test-slow: setup  ## run the tests that take minutes
-	@$(BIN)/python -m pytest -m slow --timeout 600
+	@$(BIN)/python -m pytest -m slow
 
 lint: setup  ## check style, types and docstrings
 	@$(BIN)/ruff check .

@@ -12,6 +12,13 @@ from typing import Any
 import pytest
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give a slow test two hours: the longest takes 34 minutes, and three times as long on a busy machine."""
+    for item in items:
+        if item.get_closest_marker("slow") is not None:
+            item.add_marker(pytest.mark.timeout(7200))
+
+
 def pytest_collection_finish() -> None:
     """Leave out of later collections of garbage what lives to the end: a tenth of the processor time."""
     gc.collect()

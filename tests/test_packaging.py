@@ -106,7 +106,6 @@ def test_the_build_of_the_site_elsewhere_is_that_of_make_docs() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(3600)
 @pytest.mark.parametrize("libraries", LIBRARIES)
 def test_the_sdist_and_its_wheel_install_and_run(libraries: str, tmp_path: Path) -> None:
     kept = tmp_path / "rows.json"

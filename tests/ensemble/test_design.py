@@ -175,7 +175,6 @@ def test_a_state_that_a_step_reaches_needs_no_interpolation(monkeypatch: pytest.
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(3600)
 @pytest.mark.parametrize("few", [False, True])
 def test_the_intervals_of_two_hundred_studies_contain_the_mean(few: bool) -> None:
     found = measure(5, 2.3, "4 %", 200, quantity="free_volume", few=few, seeds=5000)
