@@ -49,6 +49,13 @@ def test_the_wheel_holds_the_package_its_types_and_its_command(wheel: Path) -> N
     assert not [name for name in names if not name.startswith(("roughvol/", "roughvol-"))]
 
 
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="these sources are no clone")
+def test_the_sdist_holds_every_file_of_the_repository(wheel: Path) -> None:
+    listed = subprocess.run(("git", "ls-files", "-z"), cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    sdist = wheel.parent / f"roughvol-{roughvol.__version__}"
+    assert [name for name in listed.split("\0") if not (sdist / name).exists()] == []
+
+
 def test_the_description_on_pypi_renders_and_refers_to_nothing_that_is_not_there(wheel: Path) -> None:
     markdown = pytest.importorskip("readme_renderer.markdown", reason="needs roughvol[dev]")
     with zipfile.ZipFile(wheel) as held:
