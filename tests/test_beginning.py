@@ -72,7 +72,7 @@ def test_the_study_of_a_height_map_says_its_sides() -> None:
         Path("face.yaml").unlink()
 
 
-@pytest.mark.parametrize("name", ["123", "1e5", "true", "a#b: c"])
+@pytest.mark.parametrize("name", ["123", "1e5", "true", "a#b: c", "a\nb", "a\x01b", "a\x85b", "a\u2028b"])
 def test_a_height_map_may_have_any_name(name: str) -> None:
     np.savetxt(f"{name}.txt", np.random.default_rng(0).normal(size=(9, 9)))
     said("init", f"{name}.txt", "--set", "surface.L=9 um")

@@ -96,7 +96,7 @@ def _write_new(files: Mapping[str, str]) -> None:
 
 def _write_study_of_map(path: Path, example: str, changes: Sequence[str]) -> None:
     """Write the study of a height map, as that of the example; lengths and units that it lacks are to be filled in."""
-    from roughvol.study.plain_data import write
+    from roughvol.study.plain_data import printable, write
     from roughvol.study.reading import set_key
 
     if other := [change for change in changes if not change.startswith("surface.")]:
@@ -118,7 +118,7 @@ def _write_study_of_map(path: Path, example: str, changes: Sequence[str]) -> Non
     while lacking := _lacking(study(absent), f"{name}.yaml", absent):
         absent |= {key: TO_FILL_IN[key] for key in lacking}
     to_fill_in = {key: f"FILL IN, as {value}" for key, value in absent.items()}
-    _write_new({f"{name}.yaml": HEAD.format(path=path, name=name) + study(to_fill_in)})
+    _write_new({f"{name}.yaml": HEAD.format(path=printable(str(path)), name=name) + study(to_fill_in)})
     if absent:
         say(f"fill in {' and '.join(f'surface.{key}' for key in absent)}, which {path} does not give")
     say(f"next: roughvol check {name}.yaml --look")

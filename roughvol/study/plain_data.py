@@ -20,6 +20,8 @@ MAX_BYTES, MAX_DEPTH = 1 << 20, 20
 SET = "--set"  # the option, in place of a file
 TOO_LARGE = f"larger than {MAX_BYTES // 1024} KiB: heights belong in a file of their own (surface.file)"
 
+BREAKS = "[\x85\u2028\u2029]"  # YAML has them beside \n and \r
+
 KeyPath = tuple[str | int, ...]
 
 
@@ -214,6 +216,13 @@ class _Dumper(yaml.SafeDumper):
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
+
+    def text(self, data: str) -> yaml.ScalarNode:
+        """Return a text, in double quotes where it has breaks that YAML reads as a space or a line feed."""
+        return self.represent_scalar("tag:yaml.org,2002:str", data, '"' if re.search(BREAKS, data) else None)
+
+
+_Dumper.add_representer(str, _Dumper.text)
 
 
 @dataclass(frozen=True)
