@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from pathlib import Path
@@ -237,6 +238,18 @@ def test_refused(functions, words):
 def test_a_function_that_fails_names_itself(functions, words):
     with pytest.raises(CampaignError, match=words):
         roughvol.run(study(functions), jobs=1)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_a_module_prints_is_no_part_of_an_answer(jobs):
+    Path("loud.py").write_text("print('imported')\n\ndef one(state):\n    print('called')\n    return 1.0\n")
+    Path("loud.yaml").write_text(STUDY.replace("OWN", "one: loud:one").replace("gaps", "loud"))
+    folder = Path.cwd()
+    done = python("-m", "roughvol", "run", "loud.yaml", "--json", "--jobs", jobs, first=folder, cwd=folder)
+    assert json.loads(done.stdout)["rows"][0]["one"] == 1.0
+    assert {"imported", "called"} <= set(done.stderr.splitlines())
+    assert "imported" not in said("show", "loud", "--csv")
+    assert said("show", "--help").startswith("Usage: ")
 
 
 def test_the_mean_of_a_function_is_that_of_the_built_in_quantity_it_returns_to_the_bit():

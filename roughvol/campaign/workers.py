@@ -244,6 +244,7 @@ def _begin(messages: Any, stop: Any) -> None:
     """Initialise a worker process."""
     global _messages, _stop  # queues and events pass to a process only at its start
     _messages, _stop = messages, stop
+    sys.stdout = sys.stderr  # the caller alone answers: what modules of a user print is no part of it
     threading.Thread(target=_leave_with_parent, daemon=True).start()
 
 

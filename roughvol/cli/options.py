@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
+from roughvol.cli.output import alone
+
 if TYPE_CHECKING:
     from roughvol.study import Study
 
@@ -22,9 +24,17 @@ def examples(*lines: str) -> str:
     return "\n".join(["\b", "Examples:", *(f"  {line}" for line in lines)])
 
 
+class _Command(click.Command):
+    """A command that has standard output alone."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        with alone():
+            return super().invoke(ctx)
+
+
 def command(*lines: str) -> Callable[[Decorated], click.Command]:
     """Return the decorator that makes a function a command with these examples."""
-    return click.command(epilog=examples(*lines))
+    return click.command(cls=_Command, epilog=examples(*lines))
 
 
 def given(study: Path, changes: tuple[str, ...]) -> Study | Path:

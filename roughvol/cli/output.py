@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import errno
 import io
@@ -10,7 +11,7 @@ import math
 import os
 import stat
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -24,16 +25,34 @@ if TYPE_CHECKING:
     from roughvol.analysis.tables import Table
 
 
+_standard: list[TextIO] = []  # standard output, while a command has it alone
+
+
+@contextlib.contextmanager
+def alone() -> Iterator[None]:
+    """Keep standard output for what a command says: what modules of a user print goes to standard error."""
+    if sys.stdout is None:  # it was closed
+        yield
+        return
+    _standard.append(sys.stdout)
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            yield
+    finally:
+        _standard.pop()
+
+
 def say(text: Any = "", *, err: bool = False, nl: bool = True) -> None:
     """Print a text on standard output, or on standard error; a `FolderError` if the disk is full.
 
     A reader that is gone, as ``head`` or a closed terminal, silences the stream: the command still writes its files.
     """
+    stream = sys.stderr if err else _standard[-1] if _standard else sys.stdout
     try:
-        click.echo(text, err=err, nl=nl)
+        click.echo(text, stream, err=err, nl=nl)
     except OSError as error:
-        gone = err or error.errno == errno.EPIPE or (error.errno == errno.EIO and _is_device(sys.stdout))
-        silence(sys.stderr if err else sys.stdout)
+        gone = err or error.errno == errno.EPIPE or (error.errno == errno.EIO and _is_device(stream))
+        silence(stream)
         if not gone:
             raise stamped_file.cannot_write(Path("standard output"), error) from error
 
