@@ -209,6 +209,8 @@ def test_a_function_that_returns_another_shape_needs_another_version(before, aft
         ("Largest gap: mine:largest", "'Largest gap' is no name"),
         ("free_volume: mine:largest", "free_volume is a stored variable already"),
         ("axis: mine:largest", "axis is a stored variable already"),
+        ("state: mine:largest", "record.own.state: state is a column of tables already: choose another name"),
+        ("reached: mine:largest", "reached is a column of tables already"),
         ("leak_rate_x: mine:largest", "leak_rate_x is a stored variable already"),
         ("a: mine:halves, b: mine:sides", "record.own.b: mine:sides has other labels of half than another quantity"),
         ("a: mine:words", "record.own.a: mine:words has labels of side that are equal or no finite numbers"),

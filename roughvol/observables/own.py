@@ -12,7 +12,7 @@ import numpy as np
 
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.regions import Values, View
-from roughvol.observables.variables import AXES, QUANTITIES, VARIABLES, Variable, columns_of, with_means
+from roughvol.observables.variables import AXES, OF_TABLES, QUANTITIES, VARIABLES, Variable, columns_of, with_means
 from roughvol.study import Case, Ensemble, Record
 from roughvol.study.values.own import OwnQuantity
 from roughvol.surfaces.surface import Surface
@@ -92,7 +92,7 @@ def register(record: Record, ensemble: Ensemble | None = None) -> None:
     averaged = ensemble.accuracy.own if ensemble is not None else []
     known: dict[str, list[float]] = {}
     stored = [variable for variable, row in QUANTITIES.items() if row.observable != OBSERVABLE]
-    taken = {*stored, *itertools.chain(*map(columns_of, stored))}
+    taken = {*OF_TABLES, *stored, *itertools.chain(*map(columns_of, stored))}
     for name, quantity in _of(record).items():
         try:
             row, coordinates = row_of(name, quantity), _coordinates(quantity)
@@ -113,7 +113,8 @@ def register(record: Record, ensemble: Ensemble | None = None) -> None:
         }
         for variable, made in rows.items():
             if variable in taken or (variable != name and variable in _of(record)):
-                key, message = f"record.own.{name}", f"{variable} is a stored variable already: choose another name"
+                kind = "a column of tables" if variable in OF_TABLES else "a stored variable"
+                key, message = f"record.own.{name}", f"{variable} is {kind} already: choose another name"
                 raise StudyError([Problem(message, key)])
             QUANTITIES[variable] = VARIABLES[variable] = made
 
