@@ -267,6 +267,15 @@ def test_fig09_and_fig10_of_full_contact(study: xr.Dataset) -> None:
     assert all(np.all(axes.images[0].get_array() == 1) for axes in FIGURES["fig10"](full).axes)
 
 
+@pytest.mark.parametrize("name", ["fig09", "fig10"])
+@pytest.mark.parametrize("rows", [{"x": slice(2)}, {"y": slice(2)}])
+def test_maps_of_few_rows_fit_a_page(study: xr.Dataset, name: str, rows: dict[str, slice]) -> None:
+    """The map of 3 × 60 nodes was a figure 45 inches tall."""
+    fig = FIGURES[name](study.isel(rows))
+    assert 1.5 < fig.get_figheight() < 11.0
+    assert shown(fig) > 1
+
+
 @pytest.mark.parametrize("thresholds", [THRESHOLDS, None])
 def test_fig10_blackens_from_contact_to_everything(study: xr.Dataset, thresholds: tuple[float, ...] | None) -> None:
     ds = study if thresholds else study.drop_dims("threshold")

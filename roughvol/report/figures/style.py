@@ -50,6 +50,7 @@ NUMBERS = {
     100.0: (1.0, 2.0, 5.0),
     math.inf: (1.0,),
 }  # multiples of powers of ten with a number, on an axis whose ends have less than this ratio
+FLAT, TALL = 0.6, 2.0  # least and largest height of the panel of a map over its width
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
 
 
@@ -151,6 +152,11 @@ def axes(
     for ax in fig.axes:
         ax.grid(visible=grid)
     return fig, panels
+
+
+def tall(shape: Sequence[int]) -> float:
+    """Return the height of the panel of a map over its width; a narrow map leaves a part of its panel empty."""
+    return min(max(shape[1] / shape[0], FLAT), TALL)
 
 
 def luminance(colours: Any) -> Array:

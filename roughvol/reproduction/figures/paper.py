@@ -53,6 +53,7 @@ from roughvol.report.figures.style import (
     legend,
     looks,
     plain_ticks,
+    tall,
     unit_of,
     volume_label,
 )
@@ -254,7 +255,7 @@ def fig08(ds: Dataset) -> Drawing:
 def fig09(ds: Dataset) -> Drawing:
     """Fig. 9: the free volume of each element: contact in flat dark blue, the deepest valleys dark red."""
     case, v, contact, frame, words = volumes(ds)
-    fig, ax = axes(COLUMN, 0.6 + 2.2 * v.shape[1] / v.shape[0])
+    fig, ax = axes(COLUMN, 0.6 + 2.2 * tall(v.shape))
     colours = mpl.colormaps["YlOrRd"].with_extremes(under=CONTACT)
     image = ax.imshow(np.where(contact, -1.0, v).T, cmap=colours, vmin=0.0, vmax=v.max() or 1.0, **frame)
     ax.set(xlabel="$x/L$", ylabel="$y/L$", title=words)
@@ -269,7 +270,7 @@ def fig10(ds: Dataset) -> Drawing:
     thresholds = ds["threshold"].values.tolist() if "threshold" in ds else THRESHOLDS
     columns = max(3, -(-len(thresholds) // 2))
     rows = -(-len(thresholds) // columns)
-    fig = canvas(PAGE, 0.6 + rows * (0.2 + PAGE / columns * v.shape[1] / v.shape[0]))
+    fig = canvas(PAGE, 0.6 + rows * (0.2 + PAGE / columns * tall(v.shape)))
     for k, share in enumerate(thresholds):
         ax = fig.add_subplot(rows, columns, k + 1)
         black = domain(v, share * v.max(), contact)
