@@ -149,5 +149,5 @@ def _solver_error(arrays: Arrays, target: Target) -> float:
         return float(np.max(arrays["residual"][1]))
     if target.quantity == "pressure" and "mean_pressure_bound" in arrays:
         bounds = arrays["mean_pressure_bound"][1].reshape(-1) * arrays["mean_pressure"][1].reshape(-1)
-        return float(np.nanmax(bounds))
+        return float(np.nanmax(bounds, initial=0.0))  # NaN where a region has no pressure
     return 0.0

@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 from roughvol.campaign.execution import run
 from roughvol.campaign.one_case import run_case
 from roughvol.ensemble import design
+from roughvol.ensemble.samples import SampleTable
 from roughvol.ensemble.targets import PERCOLATION, Arrays, Series, error_at, series_of, targets_of, value_at
 from roughvol.errors import StudyError
 from roughvol.store import dataset
@@ -158,3 +159,15 @@ def test_an_ensemble_at_listed_loads_has_a_mean_there(tmp_path: Path, small: Non
     T = results.transmissivity.mean("axis").isel(step=0, m=-1).squeeze("D").dropna("seed")
     assert results.transmissivity_mean.item() == pytest.approx(float(T.mean()), rel=0.2)
     assert results.transmissivity_step_error.item() == 0.0
+
+
+def test_a_region_without_contact_has_a_pressure_without_error() -> None:
+    outside = "record: {region: {x: [0, 0.1], y: [0, 0.1]}}\n"
+    study = loads(
+        f"surface: {{D: 2.3, m: 4}}\nsweep: {{steps: 1, to: {{indentation: 0.1}}}}\n{outside}"
+        "ensemble: {accuracy: {pressure: 0.1}}"
+    )
+    table = SampleTable(study, 4)
+    table.add(study.sample(2.3, 4, 0), _arrays(study.sample(2.3, 4, 0)))
+    (sample,) = table.of(2.3)[-1]
+    assert (sample.values[0], sample.solver_errors[0]) == (0.0, 0.0)
