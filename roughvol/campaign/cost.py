@@ -37,7 +37,7 @@ FILE_BYTES, STEP_BYTES = 1.2e5, 700  # of the file of a case without fields: at 
 SMALL = 1e9  # never refused up to here: the estimate is rough
 SPARED = 0.9  # largest share of the available memory
 TIMED_UP_TO = 1025  # nodes a side; times of larger grids are scaled as N² log N
-START = 1.5  # seconds: processes start and import
+START = 2.5  # seconds: processes start and import
 LONG = 30 * 86400.0  # seconds of a run that draws a warning
 ROUGH = 1e-7  # seconds a state and node at least, to skip the timing of short runs
 

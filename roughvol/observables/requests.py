@@ -67,10 +67,10 @@ def fields_of(record: Record) -> int:
     return fields
 
 
-def searched_levels(case: Case) -> int:
-    """Return for how many levels a state is searched for, each once."""
+def searched_levels(case: Case) -> list[Level]:
+    """Return the levels whose state is searched for, each once, and those at which ways close."""
     states = (levels for name, levels in asked(case.record).items() if OBSERVABLES[name].dim)
     levels = {level for by_label in states for level in (by_label or {}).values()}
     searched = (*TARGETS, "mean_gap", "load", *(("indentation", "separation") if case.endless else ()))
-    closing = len(AXES) if value_of(case.record, "transport.closing") else 0
-    return closing + sum(level.kind in searched and level != case.sweep.target for level in levels)
+    closing = [Level("percolation")] * len(AXES) if value_of(case.record, "transport.closing") else []
+    return closing + [level for level in levels if level.kind in searched and level != case.sweep.target]
