@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import math
+import time
 import timeit
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -251,7 +252,8 @@ def seconds_per_convolution(shape: Shape, sides: Sides = "free") -> float:
     half_space = HalfSpace(timed, sides=sides)
     pressure = np.ones(timed)
     half_space.displacement(pressure)  # plans
-    seconds = min(timeit.repeat(lambda: half_space.displacement(pressure), number=1, repeat=5))
+    # processor time: on a busy machine others take most of the time of a clock
+    seconds = min(timeit.repeat(lambda: half_space.displacement(pressure), timer=time.process_time, number=1, repeat=5))
     size, timed_size = math.prod(shape), math.prod(timed)
     return seconds * size * math.log(size) / (timed_size * math.log(timed_size))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import subprocess
 import sys
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,6 +15,7 @@ import roughvol
 from roughvol.campaign import batch, cost, execution, machine
 from roughvol.campaign.batch import Forecast
 from roughvol.campaign.cost import START, choices, estimate
+from roughvol.contact.halfspace import HalfSpace
 from roughvol.ensemble.cost import CASE, convolutions_per_step, expected_area, expected_seconds
 from roughvol.errors import CampaignError
 from roughvol.observables import requests
@@ -141,6 +143,13 @@ def test_disk_is_an_upper_bound(tmp_path: Path, m: int, steps: int, record: str)
     study = loads(f"surface: {{D: 2.5, m: {m}, seeds: 2}}\nsweep: {{steps: {steps}}}\nrecord: {record}")
     roughvol.run(study, out=tmp_path)
     assert sum(path.stat().st_size for path in tmp_path.rglob("*.nc")) <= estimate(study).disk
+
+
+def test_time_that_others_take_is_no_cost(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(HalfSpace, "displacement", lambda *_: time.sleep(0.05))
+    cost.seconds_per_convolution.cache_clear()
+    assert cost.seconds_per_convolution((9, 9)) < 0.01
+    cost.seconds_per_convolution.cache_clear()
 
 
 def test_check_has_the_cost_of_each_accuracy() -> None:
