@@ -59,7 +59,10 @@ def on_legs(by_label: Mapping[str, Level], case: Case) -> dict[str, Level]:
 
 
 def crossed(level: Level, step: int, contact: State, case: Case, before: Mapping[str, float]) -> bool:
-    """Return whether a level of a further leg lies between the state before and this one, or at this one."""
+    """Return whether a level of a further leg lies between the state before and this one, or at one of them.
+
+    A leg begins at the end of the leg before: a level there is of both legs.
+    """
     ends = list(itertools.accumulate(leg.steps for leg in case.sweep.legs))
     leg = level.leg or 1
     if not ends[leg - 2] < step <= ends[leg - 1]:
@@ -68,7 +71,7 @@ def crossed(level: Level, step: int, contact: State, case: Case, before: Mapping
         return True
     name, value = STARRED[level.kind].stored, level.value or 0.0
     one, other = before[name] - value, float(getattr(contact, name)) - value
-    return one * other < 0.0 or (other == 0.0 and one != 0.0)
+    return one * other <= 0.0 or abs(one) <= slack(level.kind, value, ROUNDING)
 
 
 def is_end(level: Level, step: int, case: Case) -> bool:
@@ -160,6 +163,8 @@ def at_level(level: Level, between: Between) -> Contact:
     indentation = value if level.kind == "indentation" else after.indentation + after.separation - value
     if abs(indentation - after.indentation) <= ROUNDING * after.indentation:
         return after
+    if earlier and abs(indentation - earlier[-1]["indentation"]) <= ROUNDING * indentation:
+        return Trials(surface, half_space, options, after=earlier[-1]).known(earlier[-1], residual)
     return next(sweep(surface, half_space, [indentation], options, resume=earlier))
 
 

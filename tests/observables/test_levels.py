@@ -126,6 +126,19 @@ def test_an_area_below_one_element_is_met_at_first_touch_on_every_leg():
     assert np.all(result.field_at_mean_pressure < 1e-3)
 
 
+@pytest.mark.parametrize("hardness", ["", "material: {hardness: 0.3}\n"])
+@pytest.mark.parametrize("level", ["{separation: 0.5}", "{indentation: 1.5}", "{pressure: 0.5}"])
+def test_a_level_at_the_end_of_a_leg_is_of_the_next_leg_too(level, hardness):
+    path = f"[{{steps: 3, to: {level}}}, {{steps: 2, to: {{pressure: 0.1}}}}]"
+    text = f"surface: {{D: 2.3, m: 4, seeds: [1]}}\n{hardness}sweep: {path}\n"
+    result = answer(text + f"record: {{fields_at: {level}, all_legs: true}}").squeeze()
+    assert result.field_at_step.values.tolist() == [3, 4]
+    for name in ("mean_pressure", "separation", "contact_area_fraction"):
+        end, begin = result[f"field_at_{name}"].values
+        assert end == float(result[name][2])
+        assert begin == pytest.approx(end, rel=1e-5)
+
+
 def test_the_error_of_the_pressure_asked_for_holds_at_levels():
     asked = 1e-3
     at = "fields_at: {pressure: [0.5, 2], contact_area: 0.3, separation: -1}"
