@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -50,6 +51,12 @@ def _foreign(dataset: Dataset, study: Study) -> str:
     dims = dataset["mean_pressure"].dims if "mean_pressure" in dataset else ()
     if foreign := [str(dim) for dim in dims if dim not in known]:
         return f"a dimension {foreign[0]}"
+    if isinstance(study.surface, HeightFile):
+        files = {Path(file).name for file in study.surface.files or (study.surface.file,)}
+        cases = [str(label) for label in np.ravel(dataset["case"])] if "case" in dataset.coords else []
+        twice = next((f"case = {label} twice" for label in cases if cases.count(label) > 1), "")
+        others = (label for label in cases if label.partition(" against ")[0] not in files)
+        return twice or next((f"case = {label}" for label in others), "")
     if not isinstance(study.surface, MadeSurface) or study.ensemble is not None:
         return ""
     named = {"D": study.surface.dimensions, "m": study.surface.m, "seed": study.surface.seeds}

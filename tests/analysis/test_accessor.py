@@ -171,3 +171,30 @@ def test_a_choice_without_what_a_question_needs_is_refused(
     for question in (lambda ds: ds.roughvol.at("last"), roughvol.show, lambda ds: roughvol.plot(ds, "v_of_p")):
         with pytest.raises(DatasetError, match=word):
             question(choose(swept))
+
+
+@pytest.mark.parametrize(("second", "words"), [("face.npy", "face.npy twice"), ("other.npy", "other.npy")])
+def test_runs_of_height_files_that_were_joined_are_refused(here: Path, second: str, words: str) -> None:
+    """Both had the modulus of the first: a surface of the second was left out as not pressed to the load."""
+    study = {
+        "name": "a",
+        "surface": {"L": "1 mm", "heights_unit": "um"},
+        "sweep": {"pressures": ["0.1 MPa", "0.2 MPa"]},
+    }
+    runs = []
+    for file, E in (("face.npy", "10 MPa"), (second, "40 MPa")):
+        np.save(file, np.random.default_rng(3).normal(size=(7, 7)))
+        runs.append(
+            roughvol.run(
+                study | {"name": E[:2], "surface": {"file": file, **study["surface"]}, "material": {"E_star": E}}
+            )
+        )
+    for ds in runs:
+        roughvol.show(ds)
+    for question in (
+        lambda ds: ds.roughvol.at(pressure="0.15 MPa"),
+        roughvol.show,
+        lambda ds: roughvol.plot(ds, "v_of_p"),
+    ):
+        with pytest.raises(DatasetError, match=f"has case = {words}, which its study does not name"):
+            question(xr.concat(runs, "case", combine_attrs="override"))
