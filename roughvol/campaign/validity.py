@@ -204,7 +204,7 @@ def before(
         expected=True,
         nominal=np.array([[end]]),
         starred=np.ones((1, 1)),
-        deepest=np.full((1, 1), math.nan),
+        deepest=np.array([[max([Sq * _depth(target, peak) for target in targets], default=math.nan)]]),
         flow=np.array([[end > 0.0]]),
         peak=peak,
         slopes=np.array([Sdq]),
@@ -311,6 +311,13 @@ def _end(target: Level, scale: float, ratio: float) -> float:
     if target.kind == "contact_area":
         area = target.value or 1.0
     return scale * NormalDist().inv_cdf(0.5 * (1.0 + area)) if area < 1.0 else math.nan
+
+
+def _depth(target: Level, peak: float) -> float:
+    """Return Δ/σ at the end of a leg, 0 of an end that names neither indentation nor plane."""
+    if target.kind == "indentation":
+        return target.value or 0.0
+    return peak - (target.value or 0.0) if target.kind in ("separation", "mean-plane") else 0.0
 
 
 def _findings(given: Setting, states: _States) -> list[Finding]:

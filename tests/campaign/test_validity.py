@@ -170,6 +170,9 @@ def test_a_layer_is_judged_where_heights_and_lengths_have_one_scale(height: str,
     text = f"surface: {{D: 2.2, m: 3, L: 5, seeds: 1, sides: periodic, {height}}}\n"
     text += "material: {E: 1, nu: 0.3, thickness: 1}\nsweep: {steps: 2, to: {indentation: 2}}\n"
     assert ("thickness" in _after(text)) == named
+    ends = ("{indentation: 2}", "{separation: 0.5}", "mean-plane", "{pressure: 1}")
+    for end, expected in zip(ends, (named, named, named, False), strict=True):
+        assert ("thickness" in _before(text.replace("{indentation: 2}", end))) == expected
 
 
 def test_the_limit_of_the_slope_is_where_the_neglected_area_reaches_a_twentieth() -> None:
