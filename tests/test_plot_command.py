@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -122,9 +123,17 @@ def test_the_numbers_of_the_stiffness_over_the_load_do_not_overlap() -> None:
     _labels_are_apart(roughvol.plot("leaking", "stiffness_of_p"))
 
 
-def _labels_are_apart(fig: Figure) -> None:
-    fig.canvas.draw()
-    axis = fig.axes[0].xaxis
+@pytest.mark.layout
+def test_the_numbers_of_the_pressure_on_top_of_a_logarithmic_axis_do_not_overlap() -> None:
+    with mpl.rc_context(STYLE):
+        fig = roughvol.plot(roughvol.open("leaking").isel(step=slice(2, None)), "seal_leak_rate")
+        assert _shaped(fig, None, "x") == []
+        _labels_are_apart(fig, fig.axes[0].child_axes[0].xaxis)
+
+
+def _labels_are_apart(fig: Figure, axis: Any = None) -> None:
+    fig.draw_without_rendering()
+    axis = axis or fig.axes[0].xaxis
     shown = [text for text in axis.get_ticklabels(which="both") if text.get_text() and text.get_visible()]
     low, high = axis.get_view_interval()
     boxes = sorted((t.get_window_extent() for t in shown if low <= t.get_position()[0] <= high), key=lambda box: box.x0)

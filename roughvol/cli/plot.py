@@ -161,4 +161,11 @@ def _shaped(figure: Any, inches: tuple[float, float] | None, log: str | None) ->
                     plain_ticks(ax.xaxis)
             else:
                 left.append(axis)
+    above = [child for ax in figure.axes if ax.get_xscale() == "log" for child in ax.child_axes]
+    if above:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            figure.draw_without_rendering()  # an axis on top has the scale of the axis below from then on
+        for ax in above:
+            plain_ticks(ax.xaxis)
     return left
