@@ -219,6 +219,21 @@ def test_the_numbers_of_free_volumes_of_three_decades_do_not_overlap(one: Datase
     assert all(box.x1 < after.x0 for box, after in itertools.pairwise(sorted(shown, key=lambda box: box.x0)))
 
 
+def test_closing_loads_that_are_nearly_equal_have_an_axis_of_few_digits(one: Dataset) -> None:
+    loads_ = xr.DataArray([3.0, 3.00006], {"axis": ["x", "y"]})
+    closed = one.assign(leak_rate=0.0 * one.leak_rate, closing_pressure=loads_ * xr.ones_like(one.Sq))
+    ax = FIGURES["seal_leak_rate"](closed).axes[0]
+    assert [line.get_xdata()[0] for line in ax.lines if line.get_label() == "_closed"] == [3.0, 3.00006]
+    low, high = ax.get_xlim()
+    assert 0.01 < high / low - 1.0 < 0.1
+
+
+def test_the_connected_volume_ends_at_its_last_state_above_zero(one: Dataset) -> None:
+    share = one.connected_volume_fraction.where(one.step < 6, 0.0)
+    line = FIGURES["seal_volume"](one.assign(connected_volume_fraction=share)).axes[0].lines[0]
+    assert np.isfinite(line.get_ydata()).tolist() == [True] * 5 + [False] * 3
+
+
 def test_full_contact_has_no_share_of_the_free_volume(one: Dataset) -> None:
     full = {name: 0.0 * one[name] for name in ("free_volume", "free_volume_within")}
     *states, _ = FIGURES["seal_region"](one.assign(full)).axes[2].lines

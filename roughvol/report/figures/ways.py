@@ -37,6 +37,7 @@ CLOSED = {"x": "x", "y": "+"}
 LEGEND: dict[str, Any] = {"handlelength": 2.2, "columnspacing": 1.2}
 FAINT = 0.13  # opacity of a band, beneath which others are seen
 DECADES = 9  # of a flow that an axis spans; less flows off it
+NARROW = 0.02  # least width of an axis of closing loads alone, as a share of the load
 FLUX_RANGE = (1e-2, 1e2)  # of the flux over its mean
 
 
@@ -233,6 +234,9 @@ def closing(
         ax.plot([last[0], closed], [max(last[1], floor), floor], ls=":", lw=0.8, color=colour, zorder=2, label=LEAD)
     options: dict[str, Any] = {"ms": 5.0, "mew": 1.3, "clip_on": False, "zorder": 6}
     marks = ax.plot([closed], [floor], ls="", marker=CLOSED[direction], color=colour, label=SHUT, **options)
+    low, high = ax.dataLim.intervalx
+    if 0.0 < high - low < NARROW * abs(closed):  # marks alone, whose loads are equal to many digits
+        ax.update_datalim([(closed - 0.5 * NARROW * abs(closed), floor), (closed + 0.5 * NARROW * abs(closed), floor)])
     if family is not None:
         named(ax, marks, family, curve=f"{family.label}, closed", axis=direction)
 
@@ -322,12 +326,14 @@ def draw_ratio(ax: Axes, family: Family, members: list[Way], direction: str, *, 
 def draw_states(ax: Axes, family: Family, x: str, name: str) -> None:
     """Draw a number that has no direction: through the states of one surface, or as mean ± one deviation of several."""
     members = curves(family, x, name)
-    if len(members) == 1:
-        named(ax, ax.plot(*members[0], label=family.label, zorder=3, **family.look), family)
-        return
-    at, mean, spread = mean_and_band(members, GRID)
-    ax.fill_between(at, mean - spread, mean + spread, color=family.look["color"], alpha=0.18, lw=0, zorder=2)
-    named(ax, ax.plot(at, mean, label=family.label, color=family.look["color"], zorder=3), family)
+    single = len(members) == 1
+    at, values, spread = (*members[0], None) if single else mean_and_band(members, GRID)
+    # a logarithmic axis has no zero: a line to zero would fall at the last state before it
+    drawn = np.where(values > 0.0, values, np.nan) if ax.get_yscale() == "log" else values
+    look = family.look if single else {"color": family.look["color"]}
+    named(ax, ax.plot(at, drawn, label=family.label, zorder=3, **look), family)
+    if spread is not None:
+        ax.fill_between(at, values - spread, values + spread, color=look["color"], alpha=0.18, lw=0, zorder=2)
 
 
 def flow_axis(ax: Axes, values: Array) -> None:
