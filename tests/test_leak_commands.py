@@ -166,6 +166,8 @@ def test_the_unit_of_a_leak_decides_between_liquid_and_gas() -> None:
         (["1 mm^3/s"], ""),
     ):
         assert message in refused("ask", "gas", "--leak-rate", *words)
+    ran("far", GAS.replace("every-step", "{contact_area: 0.9}").replace("name: gas", "name: far"))
+    assert "no state of record.transport.gas_flow was reached" in refused("ask", "far", "--leak-rate", "1 sccm")
 
 
 @pytest.fixture

@@ -233,6 +233,8 @@ def of_gas(run: Dataset, unknown: str) -> tuple[Dataset, float]:
     run = checked(run, leaks=False)
     if "gas_leak_rate" not in run:
         refuse("the run has no leak of a gas: record transport.gas_flow and dimensional.gas_leak_rate")
+    if "gas_transmissivity" not in run:
+        refuse("the run has no leak of a gas: no state of record.transport.gas_flow was reached")
     if unknown == "Sq":
         refuse("the leak of a gas depends on its mean free path over Sq; allowed: for pressure, modulus")
     gas = {name: run[f"gas_{name}"] for name in ("leak_rate", "transmissivity")}
