@@ -10,6 +10,7 @@ does. Sweeps are kept in memory: no file is written.
 from __future__ import annotations
 
 import argparse
+import functools
 import json
 from collections.abc import Mapping, Sequence
 from unittest import mock
@@ -62,6 +63,7 @@ def study(m: int, D: float, accuracy: str, *, quantity: str = "free_volume", see
     return loads(STUDY.format(m=m, D=D, accuracy=accuracy, quantity=quantity, seed=seed, steps=steps))
 
 
+@functools.cache
 def reference(m: int, D: float, *, quantity: str, seeds: int = REFERENCE, steps: int = 15) -> float:
     """Return the plain mean of many seeds."""
     one = study(m, D, "1 %", quantity=quantity, steps=steps)
