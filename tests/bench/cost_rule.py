@@ -1,7 +1,8 @@
 """The steps and searches of `roughvol/ensemble/cost.py` beside measured ones.
 
-`python -m tests.bench.cost_rule [m …]`. Each row has the seconds of a step and of a search on one core, in convolutions
-of the grid beside STEP, the same by the rule, and the whole case by the rule over the measured one.
+`python -m tests.bench.cost_rule [m …]`. Each row has the time of a step, without STEP, and of a search. It is in
+convolutions of the grid, on one core, measured and by the rule. The last column is the whole case, by the rule over
+measured. The last lines are shares of all cases.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def measure(text: str, context: Context) -> tuple[float, float, float, float]:
 
 def main() -> int:
     """Measure and print."""
-    context = Context()
+    context, ratios = Context(), list[float]()
     print("m  D    end                  steps  A*    rule   a step  rule   search  rule   case: rule over measured")
     for m in [int(text) for text in sys.argv[1:]] or [4, 5, 6, 7]:
         shape = (2**m + 1,) * 2
@@ -66,13 +67,17 @@ def main() -> int:
             rule = cost.convolutions_per_step(shape, case.solver.tolerance, expected, steps)
             settled = cost.seconds_per_step(shape, case.solver.tolerance, convolution, expected, cost.SETTLED)
             number = cost.CLOSING if end == "percolation" else cost.SEARCH * cost.searches(case.sweep, case)
+            ratios.append(cost.expected_seconds(case, shape, convolution) / (whole + cost.CASE))
             print(
                 f"{m}  {D}  {end:20s} {steps:4d}  {area:.3f}  {expected:.3f}"
                 f"  {(stepped / steps - cost.STEP) / convolution:6.1f} {rule:6.1f}"
                 f"  {searched / convolution:6.0f} {number * settled / convolution:6.0f}"
-                f"  {cost.expected_seconds(case, shape, convolution) / (whole + cost.CASE):5.2f}",
+                f"  {ratios[-1]:5.2f}",
                 flush=True,
             )
+    for factor in (1.5, 2.0):
+        within = sum(1.0 / factor <= ratio <= factor for ratio in ratios)
+        print(f"{within} of {len(ratios)} cases, {within / len(ratios):.0%}, within a factor of {factor:g}")
     return 0
 
 
