@@ -145,7 +145,7 @@ def _bare(study: Study, kind: str) -> list[float]:
     """Return the values without a unit of the states of a kind: ends, lists, recorded levels, states of an ensemble."""
     if not study.sweep.steps:
         return []
-    states = [level for leg in study.sweep.legs for level in (leg.listed or (leg.target,))]
+    states = [level for leg in study.sweep.legs for level in leg.goals]
     states.append(Level("pressure", study.sweep.legs[0].first))
     states += [level for select in study.record.selects.values() for level in select.levels]
     states += study.ensemble.at.levels if study.ensemble is not None else ()

@@ -277,8 +277,7 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[Finding]:
         surface = surface_of(replace(case, D=max(made.dimensions), m=m))
         size = (made.height or surface.Sq) / surface.Sq
     surface = surface or surface_of(case)
-    legs = path.starred(case, surface).sweep.legs
-    targets = [level for leg in legs for level in leg.listed or (leg.target,)]
+    targets = [level for leg in path.starred(case, surface).sweep.legs for level in leg.goals]
     Sdq = size * texture.Sdq(surface.with_neighbours, surface.spacing)
     return before(given, targets, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side, peak=surface.peak)
 

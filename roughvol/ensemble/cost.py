@@ -106,7 +106,7 @@ def expected_area(level: Level, case: Case, shape: tuple[int, int]) -> float:
 
 def searches(leg: Sweep, case: Case) -> int:
     """Return the number of states of a leg that are searched for."""
-    levels = list(leg.listed or (leg.target,))
+    levels = list(leg.goals)
     levels += [Level("pressure")] * (leg.steps if leg.equal != "indentation" else 0)
     return sum(case.endless or level.searched for level in levels)
 

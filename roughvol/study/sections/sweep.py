@@ -221,6 +221,11 @@ class Sweep(Strict):
         return None if given is None else tuple(Level(given[0], value) for value in given[1])
 
     @property
+    def goals(self) -> tuple[Level, ...]:
+        """The listed states, or else the last state."""
+        return self.listed or (self.target,)
+
+    @property
     def has_units(self) -> bool:
         """Whether any state has a unit."""
         return any(unit_of(level.value) is not None for _, level in self.states())
