@@ -93,9 +93,10 @@ def plot(
         warn(f"{name} has no positive {axis}: this axis stays linear" for axis in left)
         say(target)
         drawn += 1
-    if refused and not drawn:
-        raise DatasetError("\n".join(refused))
-    for reason in refused:
+    reasons = dict.fromkeys(refused)
+    if reasons and not drawn:
+        raise DatasetError("\n".join(reasons))
+    for reason in reasons:
         say(f"not drawn: {reason}", err=True)
 
 
