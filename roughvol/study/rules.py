@@ -26,7 +26,7 @@ from roughvol.study.sections.surface import FEWEST, SPECTRAL, GeneratedSurface, 
 from roughvol.study.sections.sweep import Legs, Sweep
 from roughvol.study.validation import Problems, Rule
 from roughvol.study.values.state_kinds import LOAD_OF_REGION, STATE_KINDS, Level
-from roughvol.study.values.units import in_unit, unit_of
+from roughvol.study.values.units import Quantity, in_unit, unit_of
 from roughvol.surfaces.length_units import METRES
 
 MAX_CASES = 100_000  # cases of a study
@@ -181,6 +181,17 @@ def _dense(study: StudyFile) -> Problems:
 def _hardness(study: StudyFile) -> Problems:
     if study.material.yields and study.solver.method == "paper":
         yield ("solver",), "solver method 'paper' takes no hardness; allowed: material.plastic: false"
+
+
+@_rule("material")
+def _beyond_hardness(study: StudyFile) -> Problems:
+    material, hardness = study.material, study.material.indentation_hardness
+    if hardness is None or not material.plastic or material.unit is None:
+        return
+    for path, level in study.sweep.states():
+        value = level.value if level.kind == "pressure" and isinstance(level.value, Quantity) else 0.0
+        if in_unit(value, material.unit) > hardness:
+            yield path, f"{value} is not reached: pressures end at the hardness, {material.hardness}"
 
 
 @_rule("surface.L", "surface.unit")
