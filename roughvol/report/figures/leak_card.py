@@ -217,7 +217,8 @@ def _budget(ax: Axes, card: Card) -> None:
                 width = max(larger, 1.0 + 1e-9) - low
                 ax.barh(place, width, left=low, height=0.35, color=look["color"], label=f"along {way.axis}")
             elif name in factors:
-                ax.text(1.02, place, "unknown", va="center", color=GREY, fontsize="small")
+                of_panel = ax.get_yaxis_transform()
+                ax.text(0.02, place, "unknown", va="center", color=GREY, size="small", transform=of_panel)
     ax.set(xscale="log", xlabel="factor of the leak")
     ax.axvline(1.0, color=GREY, lw=0.8)
     ax.set_yticks(range(len(names)), names)
