@@ -80,6 +80,22 @@ def test_the_deformed_surface_is_drawn_beside_the_undeformed_one(region: str) ->
     assert "dotted: pressure 1" in left.get_legend().get_title().get_text()
 
 
+@pytest.mark.parametrize(
+    ("sweep", "at", "words", "lines"),
+    [
+        ("[{steps: 1, to: {pressure: 1}}, {steps: 1, to: {pressure: 0.5}}]", "last", "end of the sweep", 2),
+        ("{steps: 2, to: {percolation: x}}", "{contact_area: 0.4}", "contact area 0.4, where all surfaces reach it", 1),
+    ],
+)
+def test_a_state_of_a_later_leg_is_drawn_and_one_that_is_not_reached_is_named(
+    sweep: str, at: str, words: str, lines: int
+) -> None:
+    ds = results(f"surface: {{D: 2.2, m: 4, seeds: 2}}\nsweep: {sweep}\nrecord: {{psd: {{at: {at}}}}}")
+    left, _ = FIGURES["psd"](ds).axes
+    assert sum(bool(np.isfinite(line.get_ydata()).any()) for line in left.lines) == lines
+    assert left.get_legend().get_title().get_text().endswith(f"dotted: {words}")
+
+
 def test_the_title_of_one_surface_is_that_of_the_load_alone(tmp_path: Path) -> None:
     np.save(tmp_path / "z.npy", np.random.default_rng(0).normal(size=(16, 16)))
     text = "surface: {file: z.npy, L: 1, sides: periodic}\nsweep: {steps: 2}\nrecord: {psd: {at: last}}"

@@ -28,7 +28,7 @@ def psd(ds: Dataset) -> Drawing:
     """
     fig, (left, right) = axes(PAGE, 3.0, 2, grid=True)
     members, title = families(ds, "D", "psd", "rms_slope_below")
-    number, law = several(family.surfaces for family in members), ""
+    number, law, lacking = several(family.surfaces for family in members), "", ""
     loaded = _loaded_at(ds) if "psd_loaded" in ds else ""
     for order, family in enumerate(members):
         wave = _waves(family)
@@ -38,6 +38,8 @@ def psd(ds: Dataset) -> Drawing:
             named(ax, lines, family)
             if loaded:
                 under = _mean(family, f"{name}_loaded", power)
+                reached = family.data[f"{name}_loaded"].isel(psd_at=-1).notnull().any("wave")
+                lacking = lacking if bool(reached.all()) else ", where all surfaces reach it"
                 lines = ax.loglog(wave, under, color=family.look["color"], ls=":", lw=1.3)
                 named(ax, lines, family, curve=f"{family.label}, {loaded}")
         if asked := _asked(ds, family, wave):
@@ -47,7 +49,7 @@ def psd(ds: Dataset) -> Drawing:
     fourth = unit_of(ds, "psd")
     left.set(xlabel=r"wave number $qL/2\pi$", ylabel=rf"$C^{{\mathrm{{iso}}}}$ [{fourth}]")
     right.set(xlabel=r"waves up to $qL/2\pi$", ylabel=r"root mean square slope $h'_{\mathrm{rms}}$")
-    dotted = f"dotted: {loaded}" if loaded else ""
+    dotted = f"dotted: {loaded}{lacking}" if loaded else ""
     mean = "; ".join(filter(None, [title, f"mean of {number} surfaces" if number else ""]))
     for ax, dashed in ((left, law), (right, "")):
         legend(ax, "\n".join(filter(None, [mean, ", ".join(filter(None, [dashed, dotted]))])))
