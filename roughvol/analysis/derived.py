@@ -7,10 +7,9 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from xarray import DataArray, Dataset
+from xarray import Dataset, Variable
 
 from roughvol.analysis.leak import EVIDENCE, counted, is_open
-from roughvol.analysis.legs import first_leg
 from roughvol.analysis.units import sigma
 from roughvol.errors import ContactError, DatasetError
 from roughvol.observables.stiffness import contact_conductance, harmonic_conductivity, interfacial_stiffness
@@ -27,12 +26,14 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
     """Return a dataset with mean gap, nominal pressure, open ways, stiffness, and the leak that counts."""
     found = _stiffness(ds, study)
     if "mean_gap" not in ds and {"Sq", V} <= set(ds):
-        gap = ds[V] * sigma(ds)
-        found["mean_gap"] = gap.assign_attrs(units=ds.attrs.get("length_unit", "length"), symbol="g_mean")
-    nominal = with_nominal(ds, study).get("nominal_pressure")
+        gap = found["mean_gap"] = ds.variables[V] * sigma(ds)
+        gap.attrs |= {"units": ds.attrs.get("length_unit", "length"), "symbol": "g_mean"}
+    nominal = _nominal(ds, study)
     if nominal is not None and P in ds:  # an unloaded surface has p* of rounding
-        found["nominal_pressure"] = nominal.where(abs(ds[P]) > ROUNDING, 0.0 * nominal).assign_attrs(nominal.attrs)
-    known = [is_open(ds[name]) for name in EVIDENCE if name in ds and bool(ds.variables[name].notnull().any())]
+        found["nominal_pressure"] = nominal.where(abs(ds.variables[P]) > ROUNDING, 0.0 * nominal)
+        found["nominal_pressure"].attrs = nominal.attrs
+    evidence = [ds.variables[name] for name in EVIDENCE if name in ds]
+    known = [is_open(flow) for flow in evidence if not np.isnan(flow.values).all()]
     if known:  # a record may have them at different steps
         values = [ways.transpose(*known[0].dims).values for ways in known]
         found["open"] = known[0].copy(data=functools.reduce(lambda a, b: np.where(np.isnan(a), b, a), values))
@@ -41,34 +42,44 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
 
 def with_nominal(ds: Dataset, study: Study | None) -> Dataset:
     """Return a dataset with its nominal pressure: the stored one, or in the unit of the modulus where it has one."""
-    if "nominal_pressure" in ds or not {"Sq", P} <= set(ds) or study is None or not study.material.unit:
-        return ds
-    nominal = ds[P] * sigma(ds) * (study.material.contact_modulus / float(ds["L"]))
-    return ds.assign(nominal_pressure=nominal.assign_attrs(units=study.material.unit, symbol="p"))
+    nominal = _nominal(ds, study)
+    return ds if nominal is None else ds.assign(nominal_pressure=nominal)
+
+
+def _nominal(ds: Dataset, study: Study | None) -> Variable | None:
+    """Return the nominal pressure of `with_nominal`; None where it is not known."""
+    if "nominal_pressure" in ds:
+        return ds.variables["nominal_pressure"]
+    if not {"Sq", P} <= set(ds) or study is None or not study.material.unit:
+        return None
+    nominal = ds.variables[P] * sigma(ds) * (study.material.contact_modulus / float(ds["L"]))
+    nominal.attrs |= {"units": study.material.unit, "symbol": "p"}
+    return nominal
 
 
 def _attributes(name: str) -> dict[str, str]:
     row = QUANTITIES[name]
-    return {"units": row.units, "symbol": row.symbol, "long_name": row.long_name}
+    return {"units": row.units, "long_name": row.long_name, "symbol": row.symbol}
 
 
-def _stiffness(ds: Dataset, study: Study | None) -> dict[str, DataArray]:
+def _stiffness(ds: Dataset, study: Study | None) -> dict[str, Variable]:
     """Return the interfacial stiffness on the first leg, and the conductance that follows."""
     try:
-        first = first_leg(ds)
-        pressure, gap = (first[name].transpose(..., "step") for name in (P, V))
-        stiffness = pressure.copy(data=interfacial_stiffness(pressure.values, gap.values)).reindex(step=ds["step"])
+        pressure, gap = (ds.variables[name].transpose(..., "step") for name in (P, V))
+        first = ds["leg"].values == 1 if "leg" in ds else slice(None)
+        stiffness = np.full(pressure.shape, np.nan)
+        stiffness[..., first] = interfacial_stiffness(pressure.values[..., first], gap.values[..., first])
     except (ContactError, KeyError, ValueError):  # pressures that do not rise throughout, as of a region; one step
         return {}
-    found = {"interfacial_stiffness": stiffness.assign_attrs(_attributes("interfacial_stiffness"))}
+    found = {"interfacial_stiffness": Variable(pressure.dims, stiffness, _attributes("interfacial_stiffness"))}
     unit, bodies = ds.attrs.get("length_unit"), study.material.conductivity if study is not None else None
     # Barber's relation is that of elastic half spaces: not of metal that yields, and not of a layer.
     alike = study is not None and not study.material.yields and not study.kernel(unit).lengths
     if unit and bodies and alike:
         first_body, second = (in_unit(value, CONDUCTIVITY) or math.nan for value in bodies)
         length = convert(float(ds["L"]), unit, "m")
-        value = contact_conductance(stiffness.values, harmonic_conductivity(first_body, second), length)
-        found["contact_conductance"] = stiffness.copy(data=value).assign_attrs(_attributes("contact_conductance"))
+        value = contact_conductance(stiffness, harmonic_conductivity(first_body, second), length)
+        found["contact_conductance"] = Variable(pressure.dims, value, _attributes("contact_conductance"))
     return found
 
 
@@ -89,10 +100,9 @@ def groups(ds: Dataset) -> Iterator[tuple[str, Dataset]]:
         for place, label in enumerate(ds["case"].values.tolist()):
             yield str(label), ds.isel(case=place).expand_dims("seed")
         return
-    for D in ds["D"].values:
-        for m in ds["m"].values:
-            group = ds.sel(D=D, m=m)
-            computed = np.flatnonzero(group[P].notnull().any("step").values)
-            if computed.size:
-                some = group if computed.size == group.sizes["seed"] else group.isel(seed=computed)
-                yield f"D = {D:g}, m = {m}", some
+    solved = ds[P].notnull().any("step").transpose("D", "m", "seed").values
+    for i, D in enumerate(ds["D"].values):
+        for j, m in enumerate(ds["m"].values):
+            if solved[i, j].any():
+                group = ds.isel(D=i, m=j)
+                yield f"D = {D:g}, m = {m}", group if solved[i, j].all() else group.isel(seed=solved[i, j])

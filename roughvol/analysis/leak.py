@@ -8,10 +8,10 @@ fluid pressure is missing: a leak between the recorded states, and the leak of a
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
-from xarray import DataArray, Dataset
+from xarray import DataArray, Dataset, Variable
 
 from roughvol.observables.variables import AXES, QUANTITIES, VARIABLES
 from roughvol.typing import Array
@@ -27,6 +27,7 @@ EVIDENCE = ("percolates", "critical_gap", "transmissivity", "diffusivity", "gas_
 """Numbers of the dry gap that are 0 where a way is closed, and only there."""
 WITHOUT = ", without fluid pressure"
 NEAR = 1e-6  # relative: a step at the load of a recorded state is this state
+Flow = TypeVar("Flow", DataArray, Variable)
 DRY_NOTE = (
     "record.fluid_pressure lifts the gap: Q is the leak of the lifted gap, known at the loads of fluid_pressure.at. "
     "Columns named dry and all other numbers are those without fluid pressure."
@@ -53,20 +54,20 @@ def counted(ds: Dataset) -> Dataset:
     """
     if STATE not in ds.dims:
         return ds
-    along = [name for name in DRY if name in ds and "step" in ds[name].dims]
-    ds = ds.drop_vars(along).assign({f"{name}_dry": _named_dry(ds[name]) for name in along})
+    along = [name for name in DRY if name in ds and "step" in ds.variables[name].dims]
+    found = {f"{name}_dry": _named_dry(name, ds.variables[name]) for name in along}
     for name in _stored(ds):
-        lifted = _at_steps(ds, name)
-        ds = ds.assign({name: lifted, "open": is_open(lifted)})
-    return ds
+        found[name] = _at_steps(ds, name, found.get(f"{name}_dry"))
+        found["open"] = is_open(found[name])
+    return ds.drop_vars(along).assign(found)
 
 
-def _named_dry(variable: DataArray) -> DataArray:
+def _named_dry(name: str, variable: Variable) -> Variable:
     """Return a number of the dry gap with words that say so."""
-    words = {"symbol": f"{variable.attrs.get('symbol', variable.name)} dry"}
+    words = {"symbol": f"{variable.attrs.get('symbol', name)} dry"}
     if "long_name" in variable.attrs:
         words["long_name"] = f"{variable.attrs['long_name'].removesuffix(WITHOUT)}{WITHOUT}"
-    return variable.assign_attrs(words)
+    return Variable(variable.dims, variable.values, variable.attrs | words)
 
 
 def recorded(group: Dataset, label: str, steps: Array) -> dict[str, Array]:
@@ -109,19 +110,16 @@ def _stored(ds: Dataset) -> list[str]:
     return [name for name, stored in LIFTED.items() if stored in ds][:1]
 
 
-def _at_steps(ds: Dataset, name: str) -> DataArray:
+def _at_steps(ds: Dataset, name: str, dry: Variable | None) -> Variable:
     """Return a lifted flow at the steps whose load is that of a recorded state, missing at the others."""
-    stored = ds[LIFTED[name]]
-    load, loads = ds["mean_pressure"], ds[f"{STATE}_mean_pressure"]
-    near = (abs(load - loads) <= NEAR * abs(loads)) & (ds["step"] == ds[f"{STATE}_step"])
-    at: Any = near & stored.notnull()
-    values = stored.where(at).max(STATE)
-    fluid = ds[dry].attrs if (dry := f"{name}_dry") in ds else {}
-    words = fluid | stored.attrs | {"symbol": QUANTITIES[name].symbol}
-    return values.transpose(*load.dims, "axis").assign_attrs(words)
+    stored, load, loads = (ds.variables[key] for key in (LIFTED[name], "mean_pressure", f"{STATE}_mean_pressure"))
+    near = (abs(load - loads) <= NEAR * abs(loads)) & (ds.variables["step"] == ds.variables[f"{STATE}_step"])
+    values = stored.where(near & stored.notnull()).max(STATE).transpose(*load.dims, "axis")
+    values.attrs = ({} if dry is None else dry.attrs) | stored.attrs | {"symbol": QUANTITIES[name].symbol}
+    return values
 
 
-def is_open(flow: DataArray) -> DataArray:
+def is_open(flow: Flow) -> Flow:
     """Return 1 where something flows or a gap is open, 0 where nothing is, missing where the number is."""
     found = flow.copy(data=np.where(np.isnan(flow.values), np.nan, flow.values > 0.0))
     found.attrs = {"units": "1", "symbol": QUANTITIES["open"].symbol}
@@ -133,7 +131,8 @@ def with_closed(flow: DataArray, ds: Dataset) -> DataArray:
     values = flow.values
     for name in EVIDENCE:
         if name in ds:
-            values = np.where(np.isnan(values) & (ds[name].transpose(*flow.dims).values == 0.0), 0.0, values)
+            closed = ds.variables[name].transpose(*flow.dims).values == 0.0
+            values = np.where(np.isnan(values) & closed, 0.0, values)
     return flow.copy(data=values)
 
 
@@ -161,8 +160,8 @@ def closed(group: Dataset) -> Array:
     found = np.zeros((group.sizes["seed"], len(AXES)), dtype=bool)
     if not (name := ways(group)):
         return found
-    states = group[name].transpose("seed", "step", "axis").values
-    loads = group["mean_pressure"].transpose("seed", "step").values
+    states = group.variables[name].transpose("seed", "step", "axis").values
+    loads = group.variables["mean_pressure"].transpose("seed", "step").values
     for k, (state, load) in enumerate(zip(states, loads, strict=True)):
         solved = np.flatnonzero(np.isfinite(load))
         if solved.size:

@@ -6,7 +6,7 @@ import math
 from collections.abc import MutableMapping
 
 import numpy as np
-from xarray import DataArray, Dataset
+from xarray import Dataset, Variable
 
 from roughvol.analysis.stored_run import Run
 from roughvol.study import Scale, convert
@@ -15,9 +15,9 @@ from roughvol.study.sections.fluid import throughput
 PLAIN = ("", "1")  # units of pure numbers
 
 
-def sigma(ds: Dataset) -> DataArray:
+def sigma(ds: Dataset) -> Variable:
     """Return Sq in the unit of L, whatever unit a dataset has it in."""
-    Sq, unit = ds["Sq"], str(ds.attrs.get("length_unit", ""))
+    Sq, unit = ds.variables["Sq"], str(ds.attrs.get("length_unit", ""))
     own = str(Sq.attrs.get("units", unit))
     return Sq if own == unit or not unit else Sq * convert(1.0, own, unit)
 
@@ -44,7 +44,8 @@ def in_units(ds: Dataset, units: MutableMapping[str, str]) -> Dataset:
     The unit of a variable without one is added to ``units``, so that later datasets follow.
     """
     changed = {}
-    for name, variable in ds.data_vars.items():
+    for name in ds.data_vars:
+        variable = ds.variables[name]  # quicker than the array with its coordinates
         own = str(variable.attrs.get("units", "1"))
         wanted = units.setdefault(str(name), own)
         if own == wanted or own in PLAIN or wanted in PLAIN:
@@ -54,5 +55,6 @@ def in_units(ds: Dataset, units: MutableMapping[str, str]) -> Dataset:
             factor = convert(1.0, own, wanted) if kelvin is None else throughput(1.0, own, wanted, float(kelvin))
         except (AttributeError, ValueError, TypeError):  # bases of pint's errors, as for the unit "length"
             continue
-        changed[name] = (variable * factor).assign_attrs(variable.attrs | {"units": wanted})
+        changed[name] = variable * factor
+        changed[name].attrs = variable.attrs | {"units": wanted}
     return ds.assign(changed)
