@@ -14,14 +14,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.variables import AXES, HEIGHT_POWERS, VARIABLES
 from roughvol.study import Case, GeneratedSurface, Study, convert, throughput
 
 if TYPE_CHECKING:
-    from xarray import DataArray, Dataset
+    from xarray import Dataset, Variable
 
 LEAKS = ("leak_rate", "gas_leak_rate")
 
@@ -42,22 +42,22 @@ def in_units(results: Dataset, study: Study, length_unit: str | None) -> Dataset
     surface = study.surface
     if isinstance(surface, GeneratedSurface) and surface.height is not None:
         results = scaled(results, surface.height)
-    made = {}
+    made: dict[str, Any] = {}
     for name, values, unit in _made(results, study, length_unit):
         row = VARIABLES[name]
         dry = ", without fluid pressure" if study.record.fluid_pressure is not None and name in LEAKS else ""
         values.attrs = {"units": unit, "long_name": row.long_name + dry, "symbol": row.symbol}
         made[name] = values
-    results = results.assign(made)
+        if "axis" in values.dims and "axis" not in results:  # no case reached a flow
+            made["axis"] = ("axis", list(AXES))
     wanted = study.record.dimensional
     if wanted is not None and (leak := wanted.leak_rate) is not None and "leak_rate" in made:
-        of_liquid = {"pressure_drop": str(leak.pressure_drop), "viscosity": str(leak.viscosity)}
-        results["leak_rate"].attrs |= of_liquid
+        made["leak_rate"].attrs |= {"pressure_drop": str(leak.pressure_drop), "viscosity": str(leak.viscosity)}
     if (fluid := study.fluid) is not None and "gas_leak_rate" in made:
         words = {"gas": fluid.label, "law": fluid.law, "temperature_K": fluid.kelvin, "viscosity": fluid.viscosity}
         words["mean_free_path"] = f"{fluid.mean_free_path(101325.0) * 1e9:.4g} nm at 101325 Pa"
-        results["gas_leak_rate"].attrs |= words
-    return results
+        made["gas_leak_rate"].attrs |= words
+    return results.assign(made)
 
 
 def scaled(results: Dataset, height: float) -> Dataset:
@@ -65,23 +65,25 @@ def scaled(results: Dataset, height: float) -> Dataset:
 
     Starred numbers stay. The others scale with a power of the heights (`variables.HEIGHT_POWERS`).
     """
-    factor = height / results["Sq"]
+    factor = height / results.variables["Sq"]
     changed = {}
     for name in HEIGHT_POWERS.keys() & set(map(str, results.data_vars)):
-        old = results[name]
-        changed[name] = (old * factor ** HEIGHT_POWERS[name]).transpose(*old.dims).assign_attrs(old.attrs)
+        old = results.variables[name]
+        changed[name] = (old * factor ** HEIGHT_POWERS[name]).transpose(*old.dims)
+        changed[name].attrs = old.attrs
     return results.assign(changed)
 
 
-def _made(results: Dataset, study: Study, length_unit: str | None) -> Iterator[tuple[str, DataArray, str]]:
+def _made(results: Dataset, study: Study, length_unit: str | None) -> Iterator[tuple[str, Variable, str]]:
     """Yield name, values and unit of each number of ``record.dimensional``."""
     wanted = study.record.dimensional
     if wanted is None:
         return
-    sigma = results["Sq"].where(results["Sq"] > 0.0, 1.0)  # gaps of a flat surface are lengths already
+    numbers = results.variables  # quicker than arrays with their coordinates
+    sigma = numbers["Sq"].where(numbers["Sq"] > 0.0, 1.0)  # gaps of a flat surface are lengths already
     if wanted.pressure is not None and study.material.unit is not None:
         modulus = convert(study.material.contact_modulus, study.material.unit, wanted.pressure)
-        yield "nominal_pressure", results["mean_pressure"] * sigma * (modulus / results["L"].item()), wanted.pressure
+        yield "nominal_pressure", numbers["mean_pressure"] * sigma * (modulus / float(numbers["L"])), wanted.pressure
     if length_unit is None:
         return
     lengths = (
@@ -107,30 +109,30 @@ def _made(results: Dataset, study: Study, length_unit: str | None) -> Iterator[t
     fluid = study.record.fluid_pressure
     if fluid is not None and fluid.has_units and "fluid_leak" in results:  # under the same drop
         plates = (sigma * meters) ** 3 * (leak.drive / 12.0)
-        yield "fluid_leak_rate", _over_region(results, results["fluid_leak"] * plates), leak.unit
+        yield "fluid_leak_rate", _over_region(results, numbers["fluid_leak"] * plates), leak.unit
 
 
-def _flows(
-    results: Dataset, gas: str, sigma: DataArray, meters: float, drive: float
-) -> Iterator[tuple[str, DataArray]]:
+def _flows(results: Dataset, gas: str, sigma: Variable, meters: float, drive: float) -> Iterator[tuple[str, Variable]]:
     """Yield the leak rates along the steps and at the states of ``flux_at``; plates g [m] apart pass g³ ``drive``."""
-    plates = (results["free_volume"] * sigma * meters) ** 3 * drive
+    numbers = results.variables
+    plates = (numbers["free_volume"] * sigma * meters) ** 3 * drive
     yield f"{gas}leak_rate", _over_region(results, _starred(results, f"{gas}transmissivity") * plates)
     if (name := f"flux_at_{gas}transmissivity") in results:
-        flow = results[name] * results["flux_at_free_volume"] ** 3 * ((sigma * meters) ** 3 * drive)
+        flow = numbers[name] * numbers["flux_at_free_volume"] ** 3 * ((sigma * meters) ** 3 * drive)
         yield f"flux_at_{gas}leak_rate", _over_region(results, flow)
 
 
-def _over_region(results: Dataset, flow: DataArray) -> DataArray:
+def _over_region(results: Dataset, flow: Variable) -> Variable:
     """Return a flow times the width of the region over its length, W_y/W_x along x and W_x/W_y along y."""
-    aspect = results["region_aspect"]
-    along = flow["axis"] == "x"
+    from xarray import Variable  # a second, and loaded with the results
+
+    aspect, along = results.variables["region_aspect"], Variable("axis", [axis == "x" for axis in AXES])
     return (flow * aspect.where(along, 1.0) / aspect.where(~along, 1.0)).transpose(*flow.dims)
 
 
-def _starred(results: Dataset, name: str) -> DataArray:
+def _starred(results: Dataset, name: str) -> Variable:
     """Return a number of every step, NaN at all steps if no case reached a recorded state."""
     if name in results:
-        return results[name]
-    absent = results["free_volume"] * math.nan
-    return absent.expand_dims({"axis": list(AXES)}, -1) if "axis" in VARIABLES[name].dims else absent
+        return results.variables[name]
+    absent = results.variables["free_volume"] * math.nan
+    return absent.set_dims({**absent.sizes, "axis": len(AXES)}) if "axis" in VARIABLES[name].dims else absent
