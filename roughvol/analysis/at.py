@@ -116,9 +116,12 @@ def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
         elif key.startswith(WAYS):
             after = np.where(share == 0.0, before, np.fmax(before, after))
         values[str(name)] = (("seed", *along), after, variable.attrs)
-    kept = {name: variable for name, variable in group.coords.items() if variable.dims in ((), ("seed",), ("axis",))}
-    coords = {name: variable[rows] if "seed" in variable.dims else variable for name, variable in kept.items()}
-    return Dataset(values, coords={name: (v.dims, v.values) for name, v in coords.items()})
+    coords: dict[str, Any] = {}
+    for name in group.coords:
+        variable = group.variables[name]
+        if variable.dims in ((), ("seed",), ("axis",)):
+            coords[str(name)] = (variable.dims, variable.values[rows] if "seed" in variable.dims else variable.values)
+    return Dataset(values, coords)
 
 
 @dataclass(frozen=True)
@@ -257,7 +260,7 @@ def _crossings(group: Dataset, leg: int) -> Array:
 
 def _around(group: Dataset, name: str, reached: list[int], places: list[float]) -> tuple[Array, Array]:
     """Return a number of surfaces at the steps around places, the surfaces along the first axis."""
-    steps = group[name].transpose("seed", "step", ...).values
+    steps = group.variables[name].transpose("seed", "step", ...).values
     low, high = (steps[reached, of(places).astype(int)] for of in (np.floor, np.ceil))
     return low, high
 
@@ -266,7 +269,7 @@ def _apart(group: Dataset, reached: list[int], places: list[float]) -> float:
     """Return the largest factor between the open flows of the steps around places."""
     logs = [0.0]
     for name in leak.FLOWS:
-        if name in group and "step" in group[name].dims:
+        if name in group and "step" in group.variables[name].dims:
             before, after = _around(group, name, reached, places)
             open_ = (before > 0.0) & (after > 0.0)
             logs.append(float(np.abs(np.log(after[open_] / before[open_])).max(initial=0.0)))
@@ -291,19 +294,20 @@ def _close_where_solved(
         load = np.where(np.isfinite(own[P][reached]), own[P][reached], load)
     ends = [end[:, np.newaxis] for end in _around(group, P, reached, places)]
     lifted = (*leak.LIFTED, "open") if leak.is_lifted(data) else ()  # the fluid may keep these open
-    names = [str(name) for name, variable in data.data_vars.items() if variable.dims == ("seed", "axis")]
-    for name in names:
-        if name in lifted or "step" not in group[name].dims or not name.startswith((*BY_LOGARITHM, *WAYS)):
+    closed = {}
+    for name in (str(name) for name in data.data_vars if data.variables[name].dims == ("seed", "axis")):
+        if name in lifted or "step" not in group.variables[name].dims or not name.startswith((*BY_LOGARITHM, *WAYS)):
             continue
         before, after = _around(group, name, reached, places)
         with np.errstate(divide="ignore", invalid="ignore"):  # a step may lie at the closing load
             share = np.clip((closes - load[:, None]) / (closes - np.where(before > 0.0, *ends)), 0.0, 1.0)
         last = np.maximum(before, after)  # of the open end
         inside = np.isfinite(share) & (np.minimum(before, after) == 0.0) & (last > 0.0)
-        values = data[name].transpose("seed", "axis").values.copy()
+        values = data[name].values.copy()
         shrunk = (share > 0.0).astype(float) if name.startswith(WAYS) else last * share
         values[:count] = np.where(inside, shrunk, values[:count])
-        data[name] = (("seed", "axis"), values, data[name].attrs)
+        closed[name] = (("seed", "axis"), values, data[name].attrs)
+    data.update(closed)
 
 
 def _empty(data: Dataset, group: Dataset, alone: list[int]) -> None:
@@ -349,7 +353,7 @@ def _path(
 ) -> tuple[Array, float, float]:
     """Return the quantity of a level at each step of a surface, its value, and the slack of the value."""
     if level.kind in ("step", "last"):
-        solved = np.isfinite(part[P].transpose("seed", "step").values[k])
+        solved = np.isfinite(part.variables[P].transpose("seed", "step").values[k])
         return np.where(solved, part["step"].values.astype(float), np.nan), float(level.value or 0.0), 0.0
     if level.kind.startswith(LEAK):
         rates, value = _leak(run, part, k, level)
@@ -358,7 +362,7 @@ def _path(
         return np.log(np.where(values > 0.0, values, np.nan)), math.log(value), REACHED
     assert level.value is not None
     kind, value = _starred(scale, level)
-    values = part[STARRED[kind].stored].transpose("seed", "step").values[k]
+    values = part.variables[STARRED[kind].stored].transpose("seed", "step").values[k]
     reach += (values[np.isfinite(values)] * (float(level.value) / value if value else 1.0)).tolist()
     return values, value, slack(kind, value)
 
@@ -380,10 +384,9 @@ def _take(data: Dataset, own: dict[str, Array], group: Dataset, reached: list[in
     """Put the numbers of a recorded state in the place of those between two steps."""
     if not own or not reached:
         return
-    before, beyond = (between(group, reached, of(places).tolist()) for of in (np.floor, np.ceil))
     for name, of in MADE.items():
         if name in data and of in own:
-            made, starred = ((beyond[one].values, before[one].values) for one in (name, of))
+            made, starred = (_around(group, one, reached, places)[::-1] for one in (name, of))
             known = starred[0] != 0.0  # V* is 0 in full contact
             with np.errstate(invalid="ignore"):  # 0 at both steps
                 ratio = np.where(known, made[0], made[1]) / np.where(known, *starred)
@@ -436,7 +439,7 @@ def _axes(level: Level) -> list[str]:
 def _beside_closed(run: Run, part: Dataset, k: int, level: Level, crossing: Array) -> float | None:
     """Return the first place of a leak rate between an open and a closed step, on the straight line to 0; else None."""
     rates, value = _leak(run, part, k, level)
-    loads, largest = part[P].transpose("seed", "step").values[k], rates.max(axis=0)
+    loads, largest = part.variables[P].transpose("seed", "step").values[k], rates.max(axis=0)
     ends = crossing[[AXES.index(axis) for axis in _axes(level)]]
     for before, after in itertools.pairwise(np.flatnonzero(np.isfinite(largest)).tolist()):
         low, high = sorted((before, after), key=lambda step: largest[step])
@@ -454,10 +457,10 @@ def _recorded(group: Dataset, level: Level, label: str, steps: Array) -> dict[st
         return {}
     stored = STATE_KINDS[level.kind].stored
     for dim in STATES:
-        if dim in group.dims and label in group[dim].values.tolist():
-            own = group.sel({dim: label})
-            values = {name: own[f"{dim}_{name}"].values for name in OF_STATE if f"{dim}_{name}" in own}
+        if dim in group.dims and label in (labels := group[dim].values.tolist()):
+            place, held = {dim: labels.index(label)}, group.variables
+            values = {name: held[key].isel(place).values for name in OF_STATE if (key := f"{dim}_{name}") in held}
             if stored in values:
-                on_leg = np.isin(own[f"{dim}_step"].values, steps)
+                on_leg = np.isin(held[f"{dim}_step"].isel(place).values, steps)
                 return {name: np.where(on_leg, array, np.nan) for name, array in values.items()}
     return {}
