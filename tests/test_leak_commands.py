@@ -79,7 +79,7 @@ def test_the_interval_with_a_budget_is_that_of_the_card_at_the_answer() -> None:
         at = f"pressure={answer['value']:.4g} MPa"
         ways = answered("card", "scan", "--at", at)["ways"]
         (way,) = (way for way in ways if way["axis"] == answer["axis"])
-        (curve,) = leak_curve.curves(stored, answer["axis"])
+        (curve,) = leak_curve.curves(stored)[answer["axis"]]
         reading_there = curve.at(np.array([answer["value"]]))
         assert 0.99 * reading_there.low[0] < way["leak"] < 1.01 * reading_there.high[0]
         factors = [way["leak"] / end for end in way["leak_interval"]]

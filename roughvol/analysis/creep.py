@@ -26,7 +26,7 @@ from xarray import Dataset
 
 from roughvol.analysis.average import average
 from roughvol.analysis.leak_card import Card
-from roughvol.analysis.leak_curve import Curve, axes, curves, surfaces
+from roughvol.analysis.leak_curve import Curve, curves, surfaces
 from roughvol.analysis.read_off import checked, errors_of, refuse, seal_words
 from roughvol.analysis.tables import Table, number, rounded
 from roughvol.observables.at_state import at_state
@@ -139,7 +139,7 @@ def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float])
     material = loads(str(run.attrs["study"]), stored=True).material
     ratio = np.array([law.ratio(time, material) for time in seconds])
     equivalent = pressure * ratio
-    by_axis = {axis: curves(run, axis) for axis in axes(run)}
+    by_axis = curves(run)
     unit = str(run["nominal_pressure"].attrs["units"])
     _within_reach([curve for along in by_axis.values() for curve in along], unit, equivalent, seconds, pressure)
     areas = [

@@ -39,6 +39,7 @@ from roughvol.typing import Array
 
 SEAL = "the seal"  # in the place of the name of a surface
 ENDLESS = 1e150  # load in the place of infinity
+Tables = list[tuple[str, Dataset]]  # surfaces by file or seed
 
 
 @dataclass(frozen=True)
@@ -207,47 +208,48 @@ def closings(run: Dataset, axis: str, load: str) -> list[tuple[str, Span, Datase
 
     The run has surfaces of one kind with the ways of `derived.derived`; the load is a variable of it.
     """
+    tables, patch = surfaces(run), patch_of(run)
     found = {
-        way: [
-            (name, span, table) for name, table in surfaces(run) for span in spans(table.expand_dims("seed"), way, load)
-        ]
-        for way in AXES
+        way: [(name, span, table) for name, table in tables for span in spans(table.expand_dims("seed"), way, load)]
+        for way in (AXES if patch is not None else axis)
     }
-    own, patch = found[axis], patch_of(run)
+    own = found[axis]
     if patch is None or not own:
         return own
     loads = [[(span.open_up_to, span.closed_from) for _, span, _ in found[way]] for way in patch.axes]
-    span = Span(*(_sheet_closes(run, patch, end) for end in np.transpose(loads)))
+    span = Span(*(_sheet_closes(tables, patch, end) for end in np.transpose(loads)))
     return [(SEAL, span, max((table for _, _, table in own), key=lambda table: float(table[load].max())))]
 
 
-def _sheet_closes(run: Dataset, patch: Patch, loads: Array) -> float:
+def _sheet_closes(tables: Tables, patch: Patch, loads: Array) -> float:
     """Return the load at which a seal closes, from those of its patches (surfaces, along and across).
 
     Infinite if the seal stays open.
     """
-    isotropic = is_isotropic([ratios(table) for _, table in surfaces(run)])
+    isotropic = is_isotropic([ratios(table) for _, table in tables])
     closes = closing_of(np.fmin(loads, ENDLESS)[:, np.newaxis], patch.patches, isotropic=isotropic).value
     return closes if closes < ENDLESS else math.inf
 
 
-def curves(run: Dataset, axis: str) -> list[Curve]:
-    """Return the leak of each surface along the first leg, at the steps with a leak; of a seal, that of the seal.
+def curves(run: Dataset) -> dict[str, list[Curve]]:
+    """Return the leak of each surface along the first leg by axis, at the steps with a leak; of a seal, of the seal.
 
     A `StudyError` refuses a surface without a known leak, and surfaces of a seal without a common load of known leaks.
     """
-    patch, found = patch_of(run), _of_surfaces(run, axis)
-    missing = [name for name, _ in surfaces(run) if name not in [curve.surface for curve in found]]
-    if missing:
-        of = f" of {', '.join(missing)}" if found else ""
-        raise StudyError([Problem(f"the run has no stored leak{of} along {axis}; record the flow at every step")])
-    return found if patch is None else [_of_seal(run, patch)]
+    patch, tables = patch_of(run), surfaces(run)
+    found = {axis: _of_surfaces(tables, axis) for axis in axes(run)}
+    for axis, each in found.items():
+        known = [curve.surface for curve in each]
+        if missing := [name for name, _ in tables if name not in known]:
+            of = f" of {', '.join(missing)}" if known else ""
+            raise StudyError([Problem(f"the run has no stored leak{of} along {axis}; record the flow at every step")])
+    return found if patch is None else {patch.seal.flow: [_of_seal(run, tables, patch)]}
 
 
-def _of_surfaces(run: Dataset, axis: str) -> list[Curve]:
+def _of_surfaces(tables: Tables, axis: str) -> list[Curve]:
     """Return the leak of each surface, 0 where its way is closed; a solved closing load is a closed step."""
     made = []
-    for name, surface in surfaces(run):
+    for name, surface in tables:
         pressure, starred = (surface[key].values for key in ("nominal_pressure", "mean_pressure"))
         leak = with_closed(surface["leak_rate"], surface).sel(axis=axis).values
         if SOLVED in surface and np.isfinite(leak).any():
@@ -265,13 +267,13 @@ def _of_surfaces(run: Dataset, axis: str) -> list[Curve]:
     return made
 
 
-def _of_seal(run: Dataset, patch: Patch) -> Curve:
+def _of_seal(run: Dataset, tables: Tables, patch: Patch) -> Curve:
     """Return the leak of a seal over the nominal pressure, at the steps of one surface within the sweeps of all.
 
     The ends are the largest first load and the smallest last load of the surfaces. Each leak is the median over sheets
     of patches. The same patches are drawn at all steps.
     """
-    ways = {axis: _of_surfaces(run, axis) for axis in AXES}
+    ways = {axis: _of_surfaces(tables, axis) for axis in AXES}
     each = [curve for some in ways.values() for curve in some]
     low, high = max(curve.begins for curve in each), min(curve.ends for curve in each)
     if low > high * (1.0 + REACHED):
@@ -283,12 +285,12 @@ def _of_seal(run: Dataset, patch: Patch) -> Curve:
     steps = longest.pressure[kept]
     inner = steps[(steps > low * (1.0 + REACHED)) & (steps < high * (1.0 - REACHED))]
     pressure = np.array([low, *inner, *([high] if low < high < math.inf else [])])
-    isotropic = is_isotropic([ratios(table) for _, table in surfaces(run)])
+    isotropic = is_isotropic([ratios(table) for _, table in tables])
     end = math.inf
     if SOLVED in run:
-        tables = [table.expand_dims("seed") for _, table in surfaces(run)]
-        loads = [[solved_loads(table, axis, "nominal_pressure")[0] for axis in patch.axes] for table in tables]
-        end = _sheet_closes(run, patch, np.array(loads))
+        each_alone = [table.expand_dims("seed") for _, table in tables]
+        loads = [[solved_loads(table, axis, "nominal_pressure")[0] for axis in patch.axes] for table in each_alone]
+        end = _sheet_closes(tables, patch, np.array(loads))
     if end <= high:  # a solved closing load is a closed step
         pressure = np.append(pressure[pressure < end * (1.0 - REACHED)], max(end, low))
     leaks = np.stack([[curve.at(pressure).value for curve in ways[axis]] for axis in AXES], axis=-1)
@@ -300,7 +302,7 @@ def _of_seal(run: Dataset, patch: Patch) -> Curve:
     return Curve(SEAL, pressure, leak, pressure * starred, Sq)
 
 
-def surfaces(run: Dataset) -> list[tuple[str, Dataset]]:
+def surfaces(run: Dataset) -> Tables:
     """Return the surfaces of a run at one D, one m and one value of each list, by file or seed, along the first leg."""
     table = run.squeeze([name for name in LISTED if name in run.dims])
     found = []

@@ -156,7 +156,8 @@ def ask(
         load = curve.load_where(log_wanted) if own is None else _load_with_errors(curve, log_wanted, own)
         return _Needed(curve.surface, load, curve.pressure, curve.starred, curve.Sq, own)
 
-    return [_answer(run, axis, [needed(curve, axis) for curve in curves(run, axis)], unknown, at) for axis in axes(run)]
+    found = curves(run)
+    return [_answer(run, axis, [needed(curve, axis) for curve in found[axis]], unknown, at) for axis in found]
 
 
 def _load_with_errors(curve: Curve, log_wanted: Callable[[Array], Array], errors: Errors) -> LoadReading:

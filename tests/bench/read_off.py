@@ -83,8 +83,8 @@ def points(run: Dataset, name: str) -> Iterator[Point]:
     for fluid, leaks in fluids.items():
         coarse = leaks.isel(step=slice(FINER - 1, None, FINER))
         for axis in "xy":
-            kept = {one.surface: one for one in curves(coarse, axis)}
-            for truth in curves(leaks, axis):
+            kept = {one.surface: one for one in curves(coarse)[axis]}
+            for truth in curves(leaks)[axis]:
                 if truth.surface in kept:
                     yield from _of_way(kept[truth.surface], truth, fluid, f"{name} {axis}")
 
