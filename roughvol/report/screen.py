@@ -232,11 +232,12 @@ def _of_each_surface(states: Sequence[tuple[State, Dataset]], names: Sequence[st
     surfaces = states[0][1].sizes["seed"]
     values = []
     for state, data in states:
-        held: dict[str, Any] = {name: data[name].values for name in names if name in data} | {"state": state.label}
+        held: dict[str, Any] = {name: data.variables[name].values for name in names if name in data}
+        held["state"] = state.label
         values.append({name: np.broadcast_to(held.get(name, np.array(None)), surfaces).tolist() for name in names})
     for k in range(surfaces):
-        for (state, data), columns in zip(states, values, strict=True):
-            if bool(data[P].notnull()[k]) or k >= state.reached:
+        for (state, _), columns in zip(states, values, strict=True):
+            if not math.isnan(columns[P][k]) or k >= state.reached:
                 yield {name: column[k] for name, column in columns.items()}
 
 

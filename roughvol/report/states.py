@@ -55,7 +55,9 @@ class States:
     def of(cls, table: str, heads: Sequence[str], rows: Sequence[Row]) -> States:
         """Return states with the columns of a table: short, steps or states."""
         data = [row.data for row in rows]
-        held = [name for name in columns(table) if any(name in ds and bool(ds[name].notnull().any()) for ds in data)]
+        held = [
+            name for name in columns(table) if any(name in ds and ds.variables[name].notnull().any() for ds in data)
+        ]
         for dimensional, starred in IN_PLACE.get(table, {}).items():
             if dimensional in held and all(dimensional in ds for ds in data):
                 held = [name for name in held if not name.startswith(starred)]
@@ -113,11 +115,14 @@ class States:
 
 
 def every_step(group: Dataset) -> Iterator[tuple[State, Dataset]]:
-    """Yield the states of surfaces along ``seed`` step by step, where any is solved, and their numbers by direction."""
+    """Yield the states of surfaces along ``seed`` step by step, where any is solved, and their numbers by direction.
+
+    The ``data`` of a state are those of all steps.
+    """
     along = spread(group)
-    along = along[[name for name in along.data_vars if "step" in along[name].dims]]
+    along = along[[name for name in along.data_vars if "step" in along.variables[name].dims]]
     for k in np.flatnonzero(group[P].notnull().any("seed").values).tolist():
-        yield State(str(int(group["step"].values[k])), group.isel(step=k), group.sizes["seed"]), along.isel(step=k)
+        yield State(str(int(group["step"].values[k])), group, group.sizes["seed"]), along.isel(step=k)
 
 
 def _lacks_flow(row: Row) -> bool:
