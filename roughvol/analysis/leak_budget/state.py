@@ -51,8 +51,8 @@ class Loaded:
         """Return a number of the state, along an axis where it has a direction; NaN without one."""
         if self.state is None or name not in self.state:
             return math.nan
-        value = self.state[name].isel(seed=0)
-        return float(value.sel(axis=axis) if axis else value)
+        value = self.state.variables[name].transpose("seed", ...).values[0]
+        return float(value[AXES.index(axis)] if axis else value)
 
     def leak(self, axis: str, name: str = FLOW) -> float:
         """Return a flow of the state: in the unit of the study, else T* V*³."""
@@ -71,7 +71,7 @@ class Loaded:
         found = (self.table[flow].attrs["units"] for flow in (name, f"{name}_dry") if flow in self.table)
         return str(next(found, ""))
 
-    @property
+    @cached_property
     def fields(self) -> Dataset:
         """The run without dimensions of cases."""
         return self.table.isel(seed=0)
@@ -242,10 +242,10 @@ def gap_of(surface: Loaded, axis: str, *, lifted: bool) -> tuple[Array, bool]:
     """Return the gap over σ at the recorded state, in the region, and whether that is the whole; empty without one."""
     if "flux" not in surface.table:  # no surface reaches the load
         return np.empty((0, 0)), False
-    state = surface.fields.sel(field_at=surface.recorded, flux_at=surface.recorded)
-    kept = state["fluid_gap"].sel({STATE: surface.recorded, "axis": axis}) if lifted else state["gap"]
-    gap = kept.transpose("x", "y").values
-    inside, solved = np.isfinite(state["flux"].sel(axis=axis).transpose("x", "y").values), np.isfinite(gap)
+    fields, at = surface.fields, surface.recorded
+    kept = fields["fluid_gap"].sel({STATE: at, "axis": axis}) if lifted else fields["gap"].sel(field_at=at)
+    gap, flux = (field.transpose("x", "y").values for field in (kept, fields["flux"].sel(flux_at=at, axis=axis)))
+    inside, solved = np.isfinite(flux), np.isfinite(gap)
     rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
     if not rows.size:
         return np.empty((0, 0)), False
