@@ -19,7 +19,6 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -62,11 +61,9 @@ class Group:
 
 
 def groups(
-    file: Path, modulus: float | Mapping[object, float] = math.nan, lists: Iterable[str] = (), ends: str = ""
+    ds: xr.Dataset, modulus: float | Mapping[object, float] = math.nan, lists: Iterable[str] = (), ends: str = ""
 ) -> list[Group]:
     """Return the surfaces of a study.nc that share a row; ``ends`` is the target of the sweep."""
-    with xr.open_dataset(file, engine="netcdf4") as stored:
-        ds = stored.load()
     found = []
     for chosen in itertools.product(*(ds[name].values.tolist() for name in lists)):
         part = ds.sel(dict(zip(lists, chosen, strict=True)))
@@ -99,11 +96,13 @@ def _surface(ds: xr.Dataset, E: float) -> Surface:
     """Return one surface with what follows from its numbers by plain factors."""
     steps = ds.sizes["step"]
     along: Numbers = {}
-    for key, v in ds.data_vars.items():
+    axes = ds["axis"].values.tolist() if "axis" in ds else []
+    for key in ds.data_vars:
+        v = ds.variables[key]  # quicker than the array with its coordinates
         if v.dims == ("step",):
             along[str(key)] = v.values.astype(float)
         elif v.dims == ("step", "axis"):
-            along |= {f"{key}_{axis}": v.sel(axis=axis).values.astype(float) for axis in "xy"}
+            along |= {f"{key}_{axis}": values for axis, values in zip(axes, v.values.astype(float).T, strict=True)}
     along.pop("leg", None)
     legs = ds["leg"].values.astype(int) if "leg" in ds else np.ones(steps, dtype=int)
     Sq, L = float(ds["Sq"]), float(ds["L"])
@@ -120,10 +119,11 @@ def _surface(ds: xr.Dataset, E: float) -> Surface:
                 break
     states: dict[str, dict[str, dict[str, float]]] = {}
     for dim in (str(name) for name in ds.dims if f"{name}_step" in ds):
-        held = {str(n): v for n, v in ds.data_vars.items() if v.dims == (dim,) and v.dtype.kind == "f"}
-        for key, v in ds.data_vars.items():
+        held = {str(n): v.values for n, v in ds.data_vars.items() if v.dims == (dim,) and v.dtype.kind == "f"}
+        for key in ds.data_vars:
+            v = ds.variables[key]
             if v.dims == (dim, "axis"):
-                held |= {f"{key}_{axis}": v.sel(axis=axis) for axis in "xy"}
+                held |= {f"{key}_{axis}": values for axis, values in zip(axes, v.values.T, strict=True)}
         labels = ds[dim].values.tolist()
         states[dim] = {
             label: {n.removeprefix(f"{dim}_"): float(v[k]) for n, v in held.items()}

@@ -123,7 +123,7 @@ class Made:
         """Its surfaces, as the oracle reads them."""
         key = self.file, self.file.read_bytes()
         if key not in _GROUPS:
-            _GROUPS[key] = oracle.groups(self.file, self.modulus, self.kind.lists, self.kind.ends)
+            _GROUPS[key] = oracle.groups(self.stored, self.modulus, self.kind.lists, self.kind.ends)
         return _GROUPS[key]
 
     def group(self, words: str) -> Group:
@@ -300,7 +300,8 @@ def check_cell(head: str, cell: str, states: Sequence[dict[str, float]]) -> int:
 
 def close(found: Any, expected: Any, words: str, *, within: float = DIGITS, flow: bool = False) -> None:
     """Compare printed numbers with expected ones; a flow of 0 is exact, other zeros are of the order of rounding."""
-    np.testing.assert_allclose(found, expected, rtol=within, atol=0.0 if flow else 1e-9, err_msg=words)
+    if not np.array_equal(found, expected, equal_nan=True):  # most numbers of JSON are equal: ten times as quick
+        np.testing.assert_allclose(found, expected, rtol=within, atol=0.0 if flow else 1e-9, err_msg=words)
 
 
 def _check_closing(group: Group, row: dict[str, str]) -> int:
@@ -500,8 +501,10 @@ def check_dataset(made: Made, found: Any) -> int:
     """Compare a dataset with study.nc, bit for bit."""
     stored = made.stored
     assert set(found.data_vars) == set(stored.data_vars)
-    for name, variable in stored.data_vars.items():
-        np.testing.assert_array_equal(found[name].transpose(*variable.dims).values, variable.values, str(name))
+    for name in stored.data_vars:
+        variable = stored.variables[name]
+        values = found.variables[name].transpose(*variable.dims).values
+        np.testing.assert_array_equal(values, variable.values, str(name))
     return sum(variable.size for variable in stored.data_vars.values())
 
 
