@@ -116,11 +116,8 @@ def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
         elif key.startswith(WAYS):
             after = np.where(share == 0.0, before, np.fmax(before, after))
         values[str(name)] = (("seed", *along), after, variable.attrs)
-    coords: dict[str, Any] = {}
-    for name in group.coords:
-        variable = group.variables[name]
-        if variable.dims in ((), ("seed",), ("axis",)):
-            coords[str(name)] = (variable.dims, variable.values[rows] if "seed" in variable.dims else variable.values)
+    kept = {name: v for name in group.coords if (v := group.variables[name]).dims in ((), ("seed",), ("axis",))}
+    coords = {name: (v.dims, v.values[rows] if v.dims == ("seed",) else v.values) for name, v in kept.items()}
     return Dataset(values, coords)
 
 

@@ -28,10 +28,10 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
     if "mean_gap" not in ds and {"Sq", V} <= set(ds):
         gap = found["mean_gap"] = ds.variables[V] * sigma(ds)
         gap.attrs |= {"units": ds.attrs.get("length_unit", "length"), "symbol": "g_mean"}
-    nominal = _nominal(ds, study)
+    nominal = nominal_pressure(ds, study)
     if nominal is not None and P in ds:  # an unloaded surface has p* of rounding
-        found["nominal_pressure"] = nominal.where(abs(ds.variables[P]) > ROUNDING, 0.0 * nominal)
-        found["nominal_pressure"].attrs = nominal.attrs
+        loaded = nominal.where(abs(ds.variables[P]) > ROUNDING, 0.0 * nominal)
+        found["nominal_pressure"] = nominal.copy(data=loaded.values)
     evidence = [ds.variables[name] for name in EVIDENCE if name in ds]
     known = [is_open(flow) for flow in evidence if not np.isnan(flow.values).all()]
     if known:  # a record may have them at different steps
@@ -40,14 +40,8 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
     return counted(ds.assign(found))
 
 
-def with_nominal(ds: Dataset, study: Study | None) -> Dataset:
-    """Return a dataset with its nominal pressure: the stored one, or in the unit of the modulus where it has one."""
-    nominal = _nominal(ds, study)
-    return ds if nominal is None else ds.assign(nominal_pressure=nominal)
-
-
-def _nominal(ds: Dataset, study: Study | None) -> Variable | None:
-    """Return the nominal pressure of `with_nominal`; None where it is not known."""
+def nominal_pressure(ds: Dataset, study: Study | None) -> Variable | None:
+    """Return the nominal pressure: the stored one, or in the unit of the modulus; None of a modulus without a unit."""
     if "nominal_pressure" in ds:
         return ds.variables["nominal_pressure"]
     if not {"Sq", P} <= set(ds) or study is None or not study.material.unit:

@@ -39,7 +39,6 @@ from roughvol.typing import Array
 
 SEAL = "the seal"  # in the place of the name of a surface
 ENDLESS = 1e150  # load in the place of infinity
-Tables = list[tuple[str, Dataset]]  # surfaces by file or seed
 
 
 @dataclass(frozen=True)
@@ -211,7 +210,7 @@ def closings(run: Dataset, axis: str, load: str) -> list[tuple[str, Span, Datase
     tables, patch = surfaces(run), patch_of(run)
     found = {
         way: [(name, span, table) for name, table in tables for span in spans(table.expand_dims("seed"), way, load)]
-        for way in (AXES if patch is not None else axis)
+        for way in (AXES if patch is not None else [axis])
     }
     own = found[axis]
     if patch is None or not own:
@@ -221,7 +220,7 @@ def closings(run: Dataset, axis: str, load: str) -> list[tuple[str, Span, Datase
     return [(SEAL, span, max((table for _, _, table in own), key=lambda table: float(table[load].max())))]
 
 
-def _sheet_closes(tables: Tables, patch: Patch, loads: Array) -> float:
+def _sheet_closes(tables: list[tuple[str, Dataset]], patch: Patch, loads: Array) -> float:
     """Return the load at which a seal closes, from those of its patches (surfaces, along and across).
 
     Infinite if the seal stays open.
@@ -246,7 +245,7 @@ def curves(run: Dataset) -> dict[str, list[Curve]]:
     return found if patch is None else {patch.seal.flow: [_of_seal(run, tables, patch)]}
 
 
-def _of_surfaces(tables: Tables, axis: str) -> list[Curve]:
+def _of_surfaces(tables: list[tuple[str, Dataset]], axis: str) -> list[Curve]:
     """Return the leak of each surface, 0 where its way is closed; a solved closing load is a closed step."""
     made = []
     for name, surface in tables:
@@ -267,7 +266,7 @@ def _of_surfaces(tables: Tables, axis: str) -> list[Curve]:
     return made
 
 
-def _of_seal(run: Dataset, tables: Tables, patch: Patch) -> Curve:
+def _of_seal(run: Dataset, tables: list[tuple[str, Dataset]], patch: Patch) -> Curve:
     """Return the leak of a seal over the nominal pressure, at the steps of one surface within the sweeps of all.
 
     The ends are the largest first load and the smallest last load of the surfaces. Each leak is the median over sheets
@@ -302,7 +301,7 @@ def _of_seal(run: Dataset, tables: Tables, patch: Patch) -> Curve:
     return Curve(SEAL, pressure, leak, pressure * starred, Sq)
 
 
-def surfaces(run: Dataset) -> Tables:
+def surfaces(run: Dataset) -> list[tuple[str, Dataset]]:
     """Return the surfaces of a run at one D, one m and one value of each list, by file or seed, along the first leg."""
     table = run.squeeze([name for name in LISTED if name in run.dims])
     found = []

@@ -26,7 +26,7 @@ from xarray import Dataset
 from roughvol.analysis import closing, leak, leak_curve
 from roughvol.analysis.at import check_load, legs_of
 from roughvol.analysis.closing import Span
-from roughvol.analysis.derived import derived, with_nominal
+from roughvol.analysis.derived import derived, nominal_pressure
 from roughvol.analysis.leak_card import Card, Part
 from roughvol.analysis.leak_curve import Curve, LoadReading, axes, closings, curves, surfaces
 from roughvol.analysis.stored_run import Run
@@ -212,8 +212,9 @@ def checked(run: Dataset, *, leaks: bool = True) -> Dataset:
         axis = next((listed for listed in (study.axes if study else ()) if listed.name == name), Axis(name, ()))
         held = ", ".join(axis.words(value).removeprefix(f"{name} = ") for value in run[name].values.tolist())
         refuse(f"the run has several {name} ({held}); allowed: surfaces of one kind at one value of each key")
-    run = with_nominal(run, study_in(run))
-    if leaks and "nominal_pressure" not in run:
+    if (nominal := nominal_pressure(run, study_in(run))) is not None:
+        run = run.assign(nominal_pressure=nominal)
+    elif leaks:
         refuse("the run needs pressures with units: give material a unit, as E: 10 MPa")
     return run
 

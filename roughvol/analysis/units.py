@@ -44,8 +44,7 @@ def in_units(ds: Dataset, units: MutableMapping[str, str]) -> Dataset:
     The unit of a variable without one is added to ``units``, so that later datasets follow.
     """
     changed = {}
-    for name in ds.data_vars:
-        variable = ds.variables[name]  # quicker than the array with its coordinates
+    for name, variable in ds.data_vars.items():
         own = str(variable.attrs.get("units", "1"))
         wanted = units.setdefault(str(name), own)
         if own == wanted or own in PLAIN or wanted in PLAIN:
@@ -55,6 +54,5 @@ def in_units(ds: Dataset, units: MutableMapping[str, str]) -> Dataset:
             factor = convert(1.0, own, wanted) if kelvin is None else throughput(1.0, own, wanted, float(kelvin))
         except (AttributeError, ValueError, TypeError):  # bases of pint's errors, as for the unit "length"
             continue
-        changed[name] = variable * factor
-        changed[name].attrs = variable.attrs | {"units": wanted}
+        changed[name] = (variable * factor).assign_attrs(variable.attrs | {"units": wanted})
     return ds.assign(changed)

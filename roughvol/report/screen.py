@@ -232,8 +232,7 @@ def _of_each_surface(states: Sequence[tuple[State, Dataset]], names: Sequence[st
     surfaces = states[0][1].sizes["seed"]
     values = []
     for state, data in states:
-        held: dict[str, Any] = {name: data.variables[name].values for name in names if name in data}
-        held["state"] = state.label
+        held: dict[str, Any] = {n: data.variables[n].values for n in names if n in data} | {"state": state.label}
         values.append({name: np.broadcast_to(held.get(name, np.array(None)), surfaces).tolist() for name in names})
     for k in range(surfaces):
         for (state, _), columns in zip(states, values, strict=True):

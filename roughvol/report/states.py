@@ -55,9 +55,7 @@ class States:
     def of(cls, table: str, heads: Sequence[str], rows: Sequence[Row]) -> States:
         """Return states with the columns of a table: short, steps or states."""
         data = [row.data for row in rows]
-        held = [
-            name for name in columns(table) if any(name in ds and ds.variables[name].notnull().any() for ds in data)
-        ]
+        held = [n for n in columns(table) if any(n in ds and ds.variables[n].notnull().any() for ds in data)]
         for dimensional, starred in IN_PLACE.get(table, {}).items():
             if dimensional in held and all(dimensional in ds for ds in data):
                 held = [name for name in held if not name.startswith(starred)]

@@ -62,7 +62,7 @@ def recorded(results: Dataset) -> list[str]:
 
 def widened(results: Dataset) -> Dataset:
     """Return a dataset with the dimensions of all lists, surfaces and recorded states."""
-    full = results.expand_dims(chosen(results))
+    full = results.expand_dims(names) if (names := chosen(results)) else results
     for dim in recorded(full):
         rows = {str(name): VARIABLES[str(name)].dims.split() for name in full.data_vars if name in VARIABLES}
         along = {name: full[name].expand_dims(dim) for name, dims in rows.items() if dim in dims}

@@ -502,9 +502,8 @@ def check_dataset(made: Made, found: Any) -> int:
     stored = made.stored
     assert set(found.data_vars) == set(stored.data_vars)
     for name in stored.data_vars:
-        variable = stored.variables[name]
-        values = found.variables[name].transpose(*variable.dims).values
-        np.testing.assert_array_equal(values, variable.values, str(name))
+        values = found.variables[name].transpose(*stored.variables[name].dims).values
+        np.testing.assert_array_equal(values, stored.variables[name].values, str(name))
     return sum(variable.size for variable in stored.data_vars.values())
 
 

@@ -63,8 +63,7 @@ def solver_part_of_load(fine: Sequence[Loaded], of_leak: Part | None, axis: str)
     if not found or not all(span.closes for span in found):
         return Part("solver", math.nan, "the way does not close within the sweep" if found else "no way is followed")
     if all(span.open_up_to == span.closed_from for span in found):
-        words = (of_leak or solver_part(fine, axis)).words
-        most = f"; {words}" if "leak at most" in words else ""
+        most = f"; {words}" if "leak at most" in (words := (of_leak or solver_part(fine, axis)).words) else ""
         return Part("solver", 1.0 + STEEPEST * CLOSING, f"solved, the indentation to {CLOSING:.0e}{most}")
     low, high = closing_of(fine, axis).bracket
     return Part("solver", math.sqrt(high / low) if low > 0.0 else math.inf, "between two steps of the sweep")
