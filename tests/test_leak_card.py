@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 import roughvol
 from roughvol.analysis.tables import number
+from roughvol.campaign import card as card_runs
 from roughvol.report import card_text
 from roughvol.report.figures import leak_card
 from roughvol.store import dataset
@@ -76,9 +77,10 @@ def test_some_closed_surfaces_are_counted_as_0_with_a_median() -> None:
     assert all(min(ax.get_ylim()) + 0.25 <= place <= max(ax.get_ylim()) - 0.25 for place in places)
 
 
-def test_a_closed_joint_has_a_largest_leak() -> None:
+def test_a_closed_joint_has_a_largest_leak(monkeypatch: pytest.MonkeyPatch) -> None:
     """The end of this sweep is the closing of the last way: the unsafe side is a finer grid."""
-    study = _study(SEAL.replace("m: 4", "m: 6"))
+    monkeypatch.setattr(card_runs, "FEWEST_NODES", 16)
+    study = _study(SEAL.replace("m: 4", "m: 5"))
     printed = _printed(study)
     for axis in "xy":
         line = next(line for line in printed.splitlines() if line.startswith(f"along {axis}: "))
@@ -97,11 +99,12 @@ def test_a_closed_joint_has_a_largest_leak() -> None:
         assert way["leak_interval"][1] > 0.0
 
 
-def test_a_load_beyond_a_sweep_that_ended_closed_is_closed() -> None:
+def test_a_load_beyond_a_sweep_that_ended_closed_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     printed = _printed(_study(SEAL), "--at", "pressure=2 MPa")
     found = re.findall(r"closed on this grid; tight above [\d.]+ MPa, its error is not known \(grid", printed)
     assert len(found) == 2  # 17 nodes have no coarser grid
-    study = _study(SEAL.replace("m: 4", "m: 6").replace("name: seal", "name: finer"))
+    monkeypatch.setattr(card_runs, "FEWEST_NODES", 16)
+    study = _study(SEAL.replace("m: 4", "m: 5").replace("name: seal", "name: finer"))
     for way in _card(study, "--at", "pressure=2 MPa")["ways"]:
         beyond = way["closing_pressure_interval"][1] < 2.0
         assert (way["leak_interval"] == [0.0, 0.0]) == beyond
@@ -127,7 +130,7 @@ def test_a_card_says_which_of_its_other_runs_failed(separation: float, grids: in
 
 def test_several_maps_have_a_card_each_one_together_and_a_table() -> None:
     _maps(0.3, 0.6)
-    study = _study(PRESSED.replace(GENERATED, '{files: "face*.txt", L: 100 um}'))
+    study = _study(PRESSED.replace(GENERATED, '{files: "face*.txt", L: 100 um}').replace("steps: 4", "steps: 2"))
     printed = _pairs(_printed(study, *AT))
     for k, height in enumerate((0.3, 0.6)):
         assert f"Surface: face{k}.txt, Sq {height} um" in printed
@@ -216,6 +219,7 @@ def test_a_card_of_a_changed_study_leaves_the_first_and_its_runs_until_fresh_is_
     assert sorted(path.name for path in folder.rglob("set_aside/*.nc")) == stored
 
 
+@pytest.mark.layout
 def test_the_print_keeps_its_text_on_the_page() -> None:
     """Every text of the page of print lies inside the margins, measured as it is drawn."""
     from roughvol.questions import card
