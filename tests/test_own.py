@@ -17,7 +17,7 @@ from roughvol.observables.variables import QUANTITIES, VARIABLES
 from roughvol.store import dataset
 from roughvol.study import loads
 from roughvol.study.values import own
-from tests.kit import python, refused, said
+from tests.kit import call, python, refused, said
 
 STUDY = """
 name: gaps
@@ -113,12 +113,15 @@ sweep: {steps: 5, to: {indentation: 2}}
 record: {own: {OWN}}
 ensemble: {accuracy: {ACCURACY}, at: AT}
 """
+PACKAGE = frozenset(VARIABLES)
 TUTORIAL = Path(__file__).parents[1] / "docs" / "tutorials" / "own-quantity.md"
 
 
 def forget():
-    """Import the modules of quantities anew, as another process does."""
-    for module in ("mine", "gaps", "my_gaps"):
+    """Leave no row, and import the modules of quantities anew, as another process does."""
+    for name in set(VARIABLES) - PACKAGE:
+        del VARIABLES[name], QUANTITIES[name]
+    for module in ("mine", "gaps", "my_gaps", "leakage", "loud"):
         sys.modules.pop(module, None)
     own.function_of.cache_clear()
 
@@ -139,10 +142,7 @@ def ensemble(functions, accuracy, at="{indentation: [0.5, 1.1]}"):
 @pytest.fixture(autouse=True)
 def _folder(here):
     """Work in an empty folder; leave no rows and no module behind."""
-    before = set(VARIABLES)
     yield
-    for name in set(VARIABLES) - before:
-        del VARIABLES[name], QUANTITIES[name]
     forget()
 
 
@@ -242,12 +242,10 @@ def test_a_function_that_fails_names_itself(functions, words):
         roughvol.run(study(functions), jobs=1)
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_what_a_module_prints_is_no_part_of_an_answer(jobs):
+def test_what_a_module_prints_is_no_part_of_an_answer():
     Path("loud.py").write_text("print('imported')\n\ndef one(state):\n    print('called')\n    return 1.0\n")
     Path("loud.yaml").write_text(STUDY.replace("OWN", "one: loud:one").replace("gaps", "loud"))
-    folder = Path.cwd()
-    done = python("-m", "roughvol", "run", "loud.yaml", "--json", "--jobs", jobs, first=folder, cwd=folder)
+    done = call("run", "loud.yaml", "--json", "--jobs", "1")
     assert json.loads(done.stdout)["rows"][0]["one"] == 1.0
     assert {"imported", "called"} <= set(done.stderr.splitlines())
     assert "imported" not in said("show", "loud", "--csv")
@@ -255,7 +253,7 @@ def test_what_a_module_prints_is_no_part_of_an_answer(jobs):
 
 
 def test_the_mean_of_a_function_is_that_of_the_built_in_quantity_it_returns_to_the_bit():
-    asked = ensemble("p: mine:p, largest_gap: mine:largest", "p: 20 %, pressure: 20 %, largest_gap: 9 %")
+    asked = ensemble("p: mine:p, largest_gap: mine:largest", "p: 50 %, pressure: 50 %, largest_gap: 20 %")
     assert loads(asked.to_yaml()) == asked
     ds = roughvol.run(asked, jobs=1)
     for name in (str(name) for name in ds if str(name).startswith("p_")):
@@ -311,10 +309,9 @@ def test_explain_describes_a_function_as_a_stored_variable():
 
 
 def test_explain_describes_a_function_and_its_mean_by_the_name_in_a_run():
-    roughvol.run(ensemble("width: mine:largest, halves: mine:halves", "width: 9 %"), jobs=1)
+    roughvol.run(ensemble("width: mine:largest, halves: mine:halves", "width: 20 %"), jobs=1)
     stored = roughvol.open("means")
-    for name in [name for name in VARIABLES if name.startswith(("width", "halves"))]:
-        del VARIABLES[name], QUANTITIES[name]  # as in another process
+    forget()
     names = [str(name) for name in stored if str(name).startswith("width_")]
     assert {"width_mean", "width_interval", "width_step_error_high"} < {*names}
     for name in ("width", *names):
@@ -330,33 +327,28 @@ def test_explain_describes_a_function_and_its_mean_by_the_name_in_a_run():
             roughvol.explain(name)
 
 
-def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path):
+def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path, monkeypatch):
     site = tmp_path / "site"
     described = site / "leakage-1.0.dist-info"
     described.mkdir(parents=True)
-    (site / "leakage.py").write_text(MODULE)
+    loud = MODULE.replace("    return state.gap.max()", "    print('called')\n    return state.gap.max()")
+    (site / "leakage.py").write_text(f"{loud}\nprint('imported')\n")
     (described / "METADATA").write_text("Metadata-Version: 2.1\nName: leakage\nVersion: 1.0\n")
     (described / "entry_points.txt").write_text("[roughvol.observables]\nlargest_gap = leakage:largest\n")
     Path("gaps.yaml").write_text(STUDY.replace("OWN", "largest_gap: largest_gap"))
 
-    script = """if True:
-        import sys
-        from roughvol.cli import main
-        for words in sys.argv[1:]:
-            main(words.split(), standalone_mode=False)
-    """
-
-    means = ENSEMBLE.replace("OWN", "largest_gap: largest_gap").replace("ACCURACY", "largest_gap: 9 %")
+    means = ENSEMBLE.replace("OWN", "largest_gap: largest_gap").replace("ACCURACY", "largest_gap: 20 %")
     Path("means.yaml").write_text(means.replace("AT", "last"))
-    words = ("explain largest_gap_mean", "explain largest_gap", "run gaps.yaml --jobs 1", "run means.yaml --jobs 2")
-    printed = python("-c", script, *words, first=site).stdout  # worker processes find the package, too
-    explained, _, ran = printed.partition(" cases in ")
-    of_mean = explained.count("mean over all surfaces of the Largest gap")
-    assert explained.count("Largest gap") > of_mean > 0
-    assert "mean largest_gap at the last step, D = 2.3, m = 2: " in ran
-    shown = python("-c", script, "show gaps --csv", "plot gaps largest_gap_of_p", first=site).stdout
-    assert "largest_gap" in shown.splitlines()[0]
-    assert "largest_gap_of_p.png" in shown
+    # worker processes find the package, too, and what it prints is no part of an answer
+    done = python("-m", "roughvol", "run", "gaps.yaml", "--json", "--jobs", "2", first=site)
+    assert "largest_gap" in json.loads(done.stdout)["rows"][0]
+    assert {"imported", "called"} <= set(done.stderr.splitlines())
+    monkeypatch.syspath_prepend(site)
+    assert "largest_gap" in said("show", "gaps", "--csv").splitlines()[0]
+    assert "largest_gap_of_p.png" in said("plot", "gaps", "largest_gap_of_p")
+    assert "mean over all surfaces of the Largest gap" in said("explain", "largest_gap_mean")
+    assert "Largest gap" in said("explain", "largest_gap")
+    assert "mean largest_gap at the last step, D = 2.3, m = 2: " in said("run", "means.yaml", "--jobs", "1")
 
 
 def test_the_tutorial_runs_from_an_empty_folder():
@@ -371,6 +363,6 @@ def test_the_tutorial_runs_from_an_empty_folder():
     total = float(names["ds"].gap_share.sum())
     assert 38.0 < total <= 40.0  # 10 steps of 4 surfaces, but for gaps beyond the last class
     Path("my_gaps.py").write_text(number)
-    Path("mean.yaml").write_text(mean.replace("m: 6", "m: 2").replace("2 %", "20 %"))
+    Path("mean.yaml").write_text(mean.replace("m: 6", "m: 2").replace("2 %", "50 %"))
     assert "mean largest_gap at pressure = 0.1, D = 2.3, m = 2: " in said("run", "mean.yaml", "--jobs", "1")
     assert said("plot", "mean_gaps", "largest_gap_of_p") == "runs/mean_gaps/figures/largest_gap_of_p.png\n"
