@@ -44,7 +44,7 @@ record:
   dimensional:
     {pressure: MPa, mean_gap: um, critical_gap: um, gas_leak_rate: mbar*l/s,
      leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s}}
-seal: {length: 10 mm, width: 0.2 mm}
+seal: {length: 5 mm, width: 0.1 mm}
 """
 LEAK = "1e-6 mm^3/s"
 ASKED = {  # words of each command with --json, behind its name
