@@ -194,10 +194,10 @@ def test_json_has_units_intervals_and_counts(run: Dataset, folder: Path, tmp_pat
 def test_intervals_with_a_budget_are_those_of_cards_at_the_states(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(card_runs, "FEWEST_NODES", 17)
+    monkeypatch.setattr(card_runs, "FEWEST_NODES", 9)
     folder = tmp_path / "rubber"
     steps = "pressures: [0.25, 0.48, 0.52, 0.72, 0.78, 1.0]"  # few, near the states that are read
-    text = TEXT.replace("steps: 24, to: {pressure: 2.0}", steps).replace("m: 6, seeds: 2", "m: 5, seeds: 1")
+    text = TEXT.replace("steps: 24, to: {pressure: 2.0}", steps).replace("m: 6, seeds: 2", "m: 4, seeds: 1")
     execution.run(loads(text), jobs=1, out=folder)
     _law("table: {times: [1 s, 1 h], ratios: [1, 1.5]}", tmp_path)
     reading, whole = (answered(*_asked(folder, tmp_path, *more))["times"] for more in ((), ("--budget",)))
