@@ -151,7 +151,7 @@ def _members(kind: type) -> Iterator[str]:
 def _of_runs() -> tuple[set[str], set[str]]:
     """Return the attributes of a dataset, and the keys of the answers of all commands."""
     Path("seal.yaml").write_text(STUDY, encoding="utf-8")
-    Path("small.yaml").write_text("surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 2}\n", encoding="utf-8")
+    Path("small.yaml").write_text("surface: {D: 2.3, m: 2, seeds: 1}\nsweep: {steps: 2}\n", encoding="utf-8")
     Path("law.yaml").write_text("power: {exponent: 0.1, time: 1 s}\n", encoding="utf-8")
     said("run", "seal.yaml", "--set", "name=other")
     said("run", "seal.yaml")
