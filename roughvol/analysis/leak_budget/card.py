@@ -207,16 +207,15 @@ def _way(
     leak = leak_of(fine, axis)
     finer = [Finer.of(surface, others) for surface, *others in same_surfaces(fine, coarser)]
     window = window_part_of_load(fine, axis)
-    solver = solver_part(fine, axis) if leak.value > 0.0 else None
-    found = {"solver": solver_part_of_load(fine, solver, axis), "window": window, **lacking}
+    found = {"solver": solver_part_of_load(fine, axis), "window": window, **lacking}
     if coarser:
         found["grid"] = grid_part_of_load(fine, coarser, finer, axis)
     if levelled is not None:
         found["levelling"] = levelling_part_of_load(levelled, axis)
     closing = replace(closing_of(fine, axis), parts=tuple(found[name] for name in PARTS if name in found))
     others = tuple((words, closing_of(surfaces, axis)) for words, surfaces in coarser)
-    if solver is not None:
-        found |= {"solver": solver, "window": window_part(fine, window, axis)}
+    if leak.value > 0.0:
+        found |= {"solver": solver_part(fine, axis), "window": window_part(fine, window, axis)}
         if coarser:
             found["grid"] = grid_part(fine, coarser, finer, axis)
         if levelled is not None:

@@ -16,6 +16,7 @@ from roughvol.analysis.leak_budget.state import (
     flow_of,
     gap_of,
     is_periodic,
+    leak_of,
     per_starred,
 )
 from roughvol.analysis.leak_card import Part
@@ -57,13 +58,14 @@ def solver_part(fine: Sequence[Loaded], axis: str) -> Part:
     return Part("solver", (1.0 + flows) * max(above / here, here / below), words)
 
 
-def solver_part_of_load(fine: Sequence[Loaded], of_leak: Part | None, axis: str) -> Part:
-    """Return the part of the solver of the closing load; ``of_leak`` is that of an open leak."""
+def solver_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
+    """Return the part of the solver of the closing load."""
     found = [span for surface in fine for span in surface.closing[axis].spans]
     if not found or not all(span.closes for span in found):
         return Part("solver", math.nan, "the way does not close within the sweep" if found else "no way is followed")
     if all(span.open_up_to == span.closed_from for span in found):
-        most = f"; {words}" if "leak at most" in (words := (of_leak or solver_part(fine, axis)).words) else ""
+        words = "" if leak_of(fine, axis).value > 0.0 else solver_part(fine, axis).words
+        most = f"; {words}" if "leak at most" in words else ""
         return Part("solver", 1.0 + STEEPEST * CLOSING, f"solved, the indentation to {CLOSING:.0e}{most}")
     low, high = closing_of(fine, axis).bracket
     return Part("solver", math.sqrt(high / low) if low > 0.0 else math.inf, "between two steps of the sweep")
