@@ -547,6 +547,10 @@ def test_the_load_of_a_leak_is_the_inverse_of_the_leak_at_a_load(runs: CardRuns)
             assert_allclose(one.leak_if(axis, 0.0), one.leak(axis), rtol=1e-12)
 
 
+def _window_of_load(way: Way) -> Part:
+    return next(part for part in way.closing.parts if part.name == "window")
+
+
 def test_the_window_of_a_map_with_a_closed_quadrant_ends_at_its_closing_load(tmp_path: Path) -> None:
     """A quadrant that is closed, or nearly, counts as the closing load: it does not widen the part without end."""
     run = _pressed(TEXT.replace("seeds: 3", "seeds: [1]"), Level("last"), tmp_path)
@@ -555,10 +559,12 @@ def test_the_window_of_a_map_with_a_closed_quadrant_ends_at_its_closing_load(tmp
         flows = run.dataset["quadrant_flow"].copy()
         flows[{"quadrant": 0}] *= share
         way = _of(run, run.dataset.assign(quadrant_flow=flows)).ways[0]
-        factors.append(next(part.factor for part in way.closing.parts if part.name == "window"))
+        factors.append(_window_of_load(way).factor)
     assert_allclose(factors[1], factors[2], rtol=1e-6)
     assert 1.0 < factors[0] < math.inf
     assert factors[2] < math.inf
+    window = _window_of_load(_of(run, run.dataset.drop_vars("quadrant_flow")).ways[0])
+    assert (window.known, window.words) == (False, "the flows of its quadrants are not stored")
 
 
 # where the truth is known
