@@ -489,7 +489,6 @@ def test_the_part_of_the_solver_under_fluid_pressure_holds_an_exact_one(
     card = _finest(text, at, tmp_path / "card")
     from roughvol.observables import coupling
 
-    monkeypatch.setattr(coupling, "RTOL", 1e-8)
     monkeypatch.setattr(coupling, "ACCURACY", 1e-7)
     monkeypatch.setattr(coupling, "ROUNDS", 100)
     truth = _pressed(text + "solver: {rtol: 1.0e-9}\n", at, tmp_path / "exact").dataset
