@@ -344,12 +344,15 @@ def test_states_of_later_legs_hinder_no_figure() -> None:
     text = (
         "surface: {D: 2.3, m: 4, seeds: [4], Sq: 1}\nmaterial: {E_star: 100}\n"
         "sweep: [{steps: 2, to: {pressure: 0.7}}, {steps: 1, to: {pressure: 0.1}}, {steps: 2, to: {pressure: 2}}]\n"
-        "record: {fields_at: {pressure: %s}, all_legs: %s}\n"
+        "record: {fields_at: {pressure: %s}, all_legs: %s, transport: {transmissivity: last}}\n"
     )
     run(loads(text % (0.5, "true"), "drawn.yaml"), out=Path("drawn"), jobs=1)
     said("plot", "drawn", "fig09")
     run(loads(text % (1, "false"), "later.yaml"), out=Path("later"), jobs=1)
-    assert "no case of the dataset has a value of each on the first leg" in refused("plot", "later", "fig09")
+    for figure in ("fig09", "flow_of_p"):
+        reason = refused("plot", "later", figure)
+        assert "no case of the dataset has a value of each on the first leg" in reason
+        assert "does not have" not in reason
 
 
 @pytest.mark.slow

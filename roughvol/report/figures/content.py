@@ -92,7 +92,9 @@ def missing(name: str, runs: Sequence[Named]) -> str | None:
     """Return why a figure cannot be drawn from runs, None if it can."""
     for run in runs:
         for key in name.rsplit("_of_", 1):
-            reasons = [_lacks(name, run.ready, variable) for variable in VARIABLES_OF.get(key, [key])]
+            several = VARIABLES_OF.get(key, [key])
+            held = [variable for variable in several if variable in run.ready]
+            reasons = [_lacks(name, run.ready, variable) for variable in held or several]
             if all(reasons):
                 return f"{run.name}: {'; '.join(map(str, reasons))}"
     return None
