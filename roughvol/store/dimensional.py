@@ -124,7 +124,7 @@ def _flows(results: Dataset, gas: str, sigma: Variable, meters: float, drive: fl
 
 def _over_region(results: Dataset, flow: Variable) -> Variable:
     """Return a flow times the width of the region over its length, W_y/W_x along x and W_x/W_y along y."""
-    from xarray import Variable  # a second, and loaded with the results
+    from xarray import Variable  # its import takes a second; who has results has it loaded
 
     aspect, along = results.variables["region_aspect"], Variable("axis", [axis == "x" for axis in AXES])
     return (flow * aspect.where(along, 1.0) / aspect.where(~along, 1.0)).transpose(*flow.dims)

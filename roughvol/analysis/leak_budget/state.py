@@ -32,7 +32,7 @@ EXACT = 1e-8  # accuracy of the flows whose ratios are parts of the error
 FLOW, SWEEP = "leak_rate", "the sweep"
 FAR, LEAST_SLOPE = 20.0, 1e-6  # logarithm of loads before the first state; of a leak over that of the load
 NEARER = 2.0 ** -np.arange(1.0, 31.0)  # distances to the closing load over that of the last state
-_READ: WeakKeyDictionary[Pressed, tuple[Loaded, ...]] = WeakKeyDictionary()
+_AT_LOAD: WeakKeyDictionary[Pressed, tuple[Loaded, ...]] = WeakKeyDictionary()  # of runs in use
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,9 +171,9 @@ def curve_of(points: Mapping[float, float], closes: float) -> PchipInterpolator 
 
 def surfaces_at_load(pressed: Pressed) -> tuple[Loaded, ...]:
     """Return the surfaces of a run at the load of a card, found once: a card and its pages ask several times."""
-    if pressed not in _READ:
-        _READ[pressed] = tuple(_surfaces_at_load(pressed))
-    return _READ[pressed]
+    if pressed not in _AT_LOAD:
+        _AT_LOAD[pressed] = tuple(_surfaces_at_load(pressed))
+    return _AT_LOAD[pressed]
 
 
 def _surfaces_at_load(pressed: Pressed) -> Iterator[Loaded]:
