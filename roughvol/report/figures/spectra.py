@@ -10,7 +10,7 @@ from xarray import Dataset
 
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import Family, families, named, several
-from roughvol.report.figures.style import GREY, PAGE, Drawing, axes, legend, marked, unit_of
+from roughvol.report.figures.style import GREY, PAGE, Drawing, axes, legend, marked, plain_ticks, unit_of
 from roughvol.store.variants import study_in
 from roughvol.study import SpectralSurface
 from roughvol.surfaces.spectrum import density
@@ -52,6 +52,7 @@ def psd(ds: Dataset) -> Drawing:
     dotted = f"dotted: {loaded}{lacking}" if loaded else ""
     mean = "; ".join(filter(None, [title, f"mean of {number} surfaces" if number else ""]))
     for ax, dashed in ((left, law), (right, "")):
+        plain_ticks(ax.xaxis)
         legend(ax, "\n".join(filter(None, [mean, ", ".join(filter(None, [dashed, dotted]))])))
     fig.shown = shown(members)
     return fig
