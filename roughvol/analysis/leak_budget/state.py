@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -32,7 +31,6 @@ EXACT = 1e-8  # accuracy of the flows whose ratios are parts of the error
 FLOW, SWEEP = "leak_rate", "the sweep"
 FAR, LEAST_SLOPE = 20.0, 1e-6  # logarithm of loads before the first state; of a leak over that of the load
 NEARER = 2.0 ** -np.arange(1.0, 31.0)  # distances to the closing load over that of the last state
-_AT_LOAD: WeakKeyDictionary[Pressed, tuple[Loaded, ...]] = WeakKeyDictionary()  # of runs in use
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,14 +167,8 @@ def curve_of(points: Mapping[float, float], closes: float) -> PchipInterpolator 
     return PchipInterpolator(*sides, extrapolate=False)
 
 
-def surfaces_at_load(pressed: Pressed) -> tuple[Loaded, ...]:
-    """Return the surfaces of a run at the load of a card, found once: a card and its pages ask several times."""
-    if pressed not in _AT_LOAD:
-        _AT_LOAD[pressed] = tuple(_surfaces_at_load(pressed))
-    return _AT_LOAD[pressed]
-
-
-def _surfaces_at_load(pressed: Pressed) -> Iterator[Loaded]:
+def surfaces_at_load(pressed: Pressed) -> Iterator[Loaded]:
+    """Yield the surfaces of a run at the load of a card."""
     run = Run.of(SWEEP, pressed.dataset)
     for label, group in groups(derived(run.dataset, run.study)):
         for k in range(group.sizes["seed"]):
