@@ -8,6 +8,7 @@ value.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import partial
 
@@ -16,21 +17,38 @@ from numpy.typing import ArrayLike
 from xarray import DataArray, Dataset
 
 from roughvol.observables.variables import row_of
+from roughvol.typing import Array
 
 RANGE = (0.16, 0.84)
 BOUNDS = ("lower", "upper")
 IN_WORDS = "median and 16-84 % range over the surfaces, closed surfaces counted as 0"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Average:
-    """The number of several surfaces, NaN without a value, its range, the number of values, and of all surfaces."""
+    """The number of several surfaces, NaN without a value, the values that are known, and the number of surfaces."""
 
     value: float
-    low: float
-    high: float
-    count: int
+    known: Array
     surfaces: int
+
+    @property
+    def count(self) -> int:
+        """Return how many surfaces have a value."""
+        return self.known.size
+
+    @property
+    def low(self) -> float:
+        """Return the lower end of the range."""
+        return self._end(RANGE[0])
+
+    @property
+    def high(self) -> float:
+        """Return the upper end of the range."""
+        return self._end(RANGE[1])
+
+    def _end(self, share: float) -> float:
+        return math.nan if math.isnan(self.value) else float(np.quantile(self.known, share))
 
 
 def is_flow(name: str) -> bool:
@@ -44,12 +62,11 @@ def average(name: str, values: ArrayLike) -> Average:
     all_values = np.atleast_1d(np.asarray(values, dtype=np.float64)).ravel()
     known = all_values[np.isfinite(all_values)]
     if known.size == 0:
-        return Average(np.nan, np.nan, np.nan, 0, all_values.size)
-    low, high = np.quantile(known, RANGE)
-    value = np.median(known) if is_flow(name) else known.mean()
+        return Average(math.nan, known, all_values.size)
+    value = float(np.median(known) if is_flow(name) else known.mean())
     if is_flow(name) and value == 0.0 and 2 * np.count_nonzero(known == 0.0) <= all_values.size:
-        value = low = high = np.nan
-    return Average(float(value), float(low), float(high), known.size, all_values.size)
+        value = math.nan
+    return Average(value, known, all_values.size)
 
 
 def averages(surfaces: Dataset, over: str = "seed") -> Dataset:

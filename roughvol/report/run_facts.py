@@ -290,7 +290,7 @@ def _pressed(study: Study, region: str) -> list[tuple[str, str]]:
 
 def _states(title: str, group: Dataset) -> Table | None:
     """Return the states of one group, at most `STATES` of them."""
-    rows = [Row((state.label,), state, data) for state, data in every_step(group)]
+    rows = [Row((state.label,), state, data) for state, data in every_step(group, "states")]
     if not rows:
         return None
     found, notes = States.of("states", ("step",), rows), []
@@ -310,7 +310,7 @@ def closing(some: list[tuple[str, Dataset]]) -> Iterator[Table]:
     title: tuple[str, ...] = ()
     for name, group in some:
         load = load_of(group)
-        words = head(group[load])
+        words = head(load, group.variables[load].attrs)
         title = ("surface", "axis", f"open up to {words}", f"closed from {words}", "ways closed")
         for axis in AXES:
             if not (found := spans(group, axis, load)):

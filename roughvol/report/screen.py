@@ -138,9 +138,9 @@ def shown(run: Run) -> list[Table]:
     for name, group in named:
         several, legs = group.sizes["seed"] > 1, "leg" in group
         rows = []
-        for state, data in every_step(group):
-            leg = [str(int(data["leg"]))] if legs else []
-            solved = [str(int(data[P].notnull().sum()))] if several else []
+        for state, data in every_step(group, "steps"):
+            leg = [str(int(data.variables["leg"]))] if legs else []
+            solved = [str(np.count_nonzero(np.isfinite(data.variables[P].values)))] if several else []
             rows.append(Row((state.label, *leg, *solved), state, data))
         found = States.of("steps", ("step", *["leg"] * legs, *["surfaces"] * several), rows)
         exponent = _exponent(group) if STIFFNESS in found.columns else []
@@ -273,7 +273,7 @@ class Compared:
             row: dict[str, Any] = {"state": state.label, "run": name, "surfaces": state.surfaces}
             row |= {"reached": state.reached, "closed_before": state.closed}
             for column in self.states.columns:
-                values = of_all(data[column], state.surfaces) if column in data else np.array([np.nan])
+                values = of_all(data.variables[column].values, state.surfaces) if column in data else np.array([np.nan])
                 over = average(column, values)
                 row[column] = over.value
                 if column.startswith("open_"):
@@ -281,7 +281,7 @@ class Compared:
                 elif is_flow(column):
                     row |= {f"{column}_low": over.low, f"{column}_high": over.high}
                 if column in data:
-                    units[column] = str(data[column].attrs.get("units", "1"))
+                    units[column] = str(data.variables[column].attrs.get("units", "1"))
             rows.append(row)
         return _plain_rows(rows, units)
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from xarray import DataArray, Dataset
+from xarray import Dataset
 
 from roughvol.analysis import leak
 from roughvol.analysis.at import State
@@ -64,13 +64,17 @@ class States:
     def table(self, title: str, *notes: str) -> Table:
         """Return the states as text, with the convention over surfaces in front of the notes."""
         most = max((row.state.surfaces for row in self.rows), default=1)
-        variables = [next(row.data[name] for row in self.rows if name in row.data) for name in self.columns]
+        heads = [
+            next(head(name, row.data.variables[name].attrs, most) for row in self.rows if name in row.data)
+            for name in self.columns
+        ]
         lines = []
         for row in self.rows:
-            held = (cell(row.data[name], row.state.surfaces) if name in row.data else "" for name in self.columns)
+            numbers, surfaces = row.data.variables, row.state.surfaces
+            held = (cell(n, numbers[n].values, surfaces) if n in numbers else "" for n in self.columns)
             lines.append((*row.labels, *held))
         note = " ".join(filter(None, [self._convention(), *notes]))
-        return Table(title, (*self.heads, *(head(variable, most) for variable in variables)), tuple(lines), note)
+        return Table(title, (*self.heads, *heads), tuple(lines), note)
 
     def _convention(self) -> str:
         """Return means, medians, counts of surfaces by row, and which leak counts."""
@@ -112,13 +116,14 @@ class States:
             yield CLOSED_BEFORE
 
 
-def every_step(group: Dataset) -> Iterator[tuple[State, Dataset]]:
+def every_step(group: Dataset, table: str | None = None) -> Iterator[tuple[State, Dataset]]:
     """Yield the states of surfaces along ``seed`` step by step, where any is solved, and their numbers by direction.
 
-    The ``data`` of a state are those of all steps.
+    The numbers are those of a table, short, steps or states, or all. The ``data`` of a state are those of all steps.
     """
     along = spread(group)
-    along = along[[name for name in along.data_vars if "step" in along.variables[name].dims]]
+    shown = {"leg", P, *columns(table)} if table else along.data_vars.keys()
+    along = along[[name for name in along.data_vars if name in shown and "step" in along.variables[name].dims]]
     for k in np.flatnonzero(group[P].notnull().any("seed").values).tolist():
         yield State(str(int(group["step"].values[k])), group, group.sizes["seed"]), along.isel(step=k)
 
@@ -135,23 +140,23 @@ def sentences(said: Mapping[str, bool]) -> str:
     return " ".join(words for words, holds in said.items() if holds)
 
 
-def head(variable: DataArray, surfaces: int = 1) -> str:
+def head(name: str, attrs: Mapping[str, Any], surfaces: int = 1) -> str:
     """Return the head of a column: symbol, unit where there is one, and ``median`` for a flow of several surfaces."""
-    unit = str(variable.attrs.get("units", "1"))
-    symbol = str(variable.attrs.get("symbol", variable.name))
-    median = "median " if surfaces > 1 and is_flow(str(variable.name)) else ""
+    unit, symbol = str(attrs.get("units", "1")), str(attrs.get("symbol", name))
+    median = "median " if surfaces > 1 and is_flow(name) else ""
     return f"{median}{symbol}" if unit == "1" else f"{median}{symbol} [{unit}]"
 
 
-def of_all(variable: DataArray, surfaces: int) -> Array:
+def of_all(values: Array, surfaces: int) -> Array:
     """Return the numbers of all surfaces, missing for those that are not at a state."""
-    values = np.atleast_1d(variable.values).astype(float)
-    return np.pad(values, (0, surfaces - values.size), constant_values=np.nan)
+    every = np.full(surfaces, np.nan)
+    every[: values.size] = values
+    return every
 
 
-def cell(variable: DataArray, surfaces: int) -> str:
+def cell(name: str, values: Array, surfaces: int) -> str:
     """Return the number of one surface or of several as text; of an open way, how many surfaces have one."""
-    name, values = str(variable.name), of_all(variable, surfaces)
+    values = of_all(values, surfaces)
     found = average(name, np.where(np.abs(values) < ROUNDING, 0.0, values) if name in STARRED else values)
     if found.count == 0:
         return ""

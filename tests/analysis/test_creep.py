@@ -15,7 +15,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from roughvol.analysis import creep
-from roughvol.analysis.average import Average
+from roughvol.analysis.average import average
 from roughvol.analysis.leak_card import Closing, Part, Way
 from roughvol.campaign import card as card_runs
 from roughvol.campaign import execution
@@ -224,7 +224,7 @@ def test_a_history_between_cards_has_their_factors_on_a_line_and_none_beside_a_c
     assert_allclose([loads_[0], loads_[-1]], over_time.equivalent[[0, -1]], rtol=1e-4)
 
     def card(leak: float, factor: float) -> Any:
-        found, parts = Average(leak, leak, leak, 1, 1), (Part("window", factor, ""),)
+        found, parts = average("leak_rate", leak), (Part("window", factor, ""),)
         ways = tuple(Way(axis, found, 1, "mm^3/s", Closing((), "MPa"), (), "", parts) for axis in "xy")
         return SimpleNamespace(ways=ways, seal=None)
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.analysis.average import Average
+from roughvol.analysis.average import average
 from roughvol.analysis.closing import Span
 from roughvol.analysis.leak_budget import card_of, check_reached, grid
 from roughvol.analysis.leak_budget.grid import Finer
@@ -198,7 +198,7 @@ def test_a_periodic_surface_is_certified_with_its_ways_across_the_edge(tmp_path:
 )
 def test_parts_add_in_squares(factors: list[tuple[float, float | None]], high: float, low: float | None) -> None:
     parts = tuple(Part("", up, "", *([] if down is None else [down])) for up, down in factors)
-    way = Way("x", Average(1.0, 1.0, 1.0, 1, 1), 1, "", Closing((), ""), (), "", parts)
+    way = Way("x", average("leak_rate", 1.0), 1, "", Closing((), ""), (), "", parts)
     assert_allclose(math.log(way.factor), high)
     assert_allclose(way.interval, (math.exp(-(high if low is None else low)), math.exp(high)))
 
