@@ -28,7 +28,7 @@ from roughvol.contact.active_set import solve_indentation
 from roughvol.contact.options import DEFAULT, Options
 from roughvol.contact.paper_algorithm import solve_paper
 from roughvol.contact.problem import LIGHT, LIGHT_ROUGH, ROUNDING, TENSILE, Problem
-from roughvol.contact.state import Compliance, Contact, Leg, State
+from roughvol.contact.state import Compliance, Contact, Estimated, Leg, State
 from roughvol.errors import ContactError
 from roughvol.surfaces.surface import Surface
 
@@ -295,10 +295,11 @@ class Trials:
             rate = (problem.depth(second) - start) / (second.approach - first.approach)
 
         def at(indentation: float, margin: float) -> Contact:
-            x = start + (indentation - first.approach) * rate - margin
+            x = (indentation - first.approach) * rate
+            x += start
+            x -= margin
             elements = np.flatnonzero(x > 0.0)
-            gap = np.maximum(-x, TENSILE * max(1.0, indentation))
             pressure = problem.law.project(x[elements] / problem.firmness)
-            return problem.record(State(indentation, elements, pressure, gap + indentation, residual=np.nan))
+            return problem.record(Estimated(indentation, elements, pressure, x, TENSILE * max(1.0, indentation)))
 
         return at

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -135,7 +136,8 @@ class Contact:
 
     def gap(self) -> Array:
         """Return the gap g/σ ≥ 0, shape of the surface; exactly 0 in contact."""
-        gap = np.maximum(self._state.gap(), 0.0)
+        gap = self._state.gap()
+        np.maximum(gap, 0.0, out=gap)
         gap[self._elements] = 0.0
         return gap.reshape(self.shape)
 
@@ -236,3 +238,18 @@ class State:
     def forget(self) -> None:
         """Free the memory of what `within` has kept."""
         self._near = None
+
+
+class Estimated(State):
+    """A state that is not solved, from x on the whole grid: q > 0 where x > 0, and elsewhere w = -x or `least`."""
+
+    def __init__(self, indentation: float, elements: Index, pressure: Array, x: Array, least: float) -> None:
+        self.indentation, self.elements, self.pressure = indentation, elements, pressure
+        self.residual, self._x, self._least = np.nan, x, least
+
+    @cached_property
+    def touch_at(self) -> Array:  # type: ignore[override]
+        """Return u - h on the whole grid, made where it is asked for."""
+        touch_at = np.maximum(-self._x, self._least)
+        touch_at += self.indentation
+        return touch_at

@@ -32,10 +32,15 @@ class Connectivity(NamedTuple):
     trapped_pockets: Index
 
 
-def percolates(void: Mask, axis: int, *, periodic: bool = False) -> bool:
-    """Return whether 4-connected void leads from the first to the last line of elements along an axis."""
-    labels, _ = labelled(void, SIDES, joined(axis, periodic))
-    return bool(spanning(labels, axis).size)
+def percolates(void: Mask, *axes: int, periodic: bool = False) -> bool:
+    """Return whether 4-connected void leads from the first to the last line of elements along any of the axes."""
+    labels = dict[tuple[bool, bool], NDArray[np.integer]]()
+    for axis in axes:
+        if (sides := joined(axis, periodic)) not in labels:
+            labels[sides], _ = labelled(void, SIDES, sides)
+        if spanning(labels[sides], axis).size:
+            return True
+    return False
 
 
 def connectivity(gap: Array, contact: Mask, *, periodic: bool = False) -> Connectivity:

@@ -28,7 +28,7 @@ def stops_percolating(kind: str, state: State) -> bool:
     """Return whether no open way is left along the axes that the end of a sweep names: percolation-x, -y or -both."""
     void = state.gap() > 0.0
     asked = [axis for axis, name in enumerate(AXES) if kind.endswith((name, "both"))]
-    return not any(clusters.percolates(void, axis, periodic=state.periodic) for axis in asked)
+    return not clusters.percolates(void, *asked, periodic=state.periodic)
 
 
 def leak_rates(state: State) -> dict[str, float]:
