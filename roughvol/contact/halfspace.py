@@ -186,10 +186,11 @@ class HalfSpace:
     def total_compliance(self) -> Array:
         """Displacement K ∗ 1 under unit pressure everywhere, so that Σu = Σ (K ∗ 1) p; λ(0) on an endless plane."""
         if self.endless:
-            return np.broadcast_to(self._mean, self.shape)
-        size = math.prod(self.shape)
-        window = self._window(np.arange(size), "float64")
-        compliance: Array = window.engine.convolve_at(window.places, np.ones(size)).reshape(self.shape)
+            compliance = np.full(self.shape, self._mean)
+        else:
+            size = math.prod(self.shape)
+            window = self._window(np.arange(size), "float64")
+            compliance = window.engine.convolve_at(window.places, np.ones(size)).reshape(self.shape)
         compliance.flags.writeable = False
         return compliance
 

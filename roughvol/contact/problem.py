@@ -211,7 +211,7 @@ class Problem:
         size = self.heights.size
         separation = -self.mean_height - state.indentation
         # mean(u) without a field: Σu = Σ (K ∗ 1) q
-        mean_displacement = float(self.half_space.total_compliance.flat[elements] @ pressure) / size
+        mean_displacement = float(self.half_space.total_compliance.take(elements) @ pressure) / size
         full = elements.size == size
         done = self.counts()
         begun = done if counts is None else counts

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
@@ -130,9 +131,9 @@ class Contact:
 
     def pressure(self) -> Array:
         """Return the pressure p L/(E* σ) ≥ 0, shape of the surface."""
-        pressure = np.zeros(self.shape)
-        pressure.flat[self._elements] = np.pi * self._intervals * self._pressure
-        return pressure
+        pressure = np.zeros(math.prod(self.shape))
+        pressure[self._elements] = np.pi * self._intervals * self._pressure
+        return pressure.reshape(self.shape)
 
     def gap(self) -> Array:
         """Return the gap g/σ ≥ 0, shape of the surface; exactly 0 in contact."""
@@ -143,9 +144,15 @@ class Contact:
 
     def contact(self) -> Mask:
         """Return the mask of the elements in contact, p > 0."""
-        mask = np.zeros(self.shape, dtype=bool)
-        mask.flat[self._elements] = True
-        return mask
+        mask = np.zeros(math.prod(self.shape), dtype=bool)
+        mask[self._elements] = True
+        return mask.reshape(self.shape)
+
+    def void(self) -> Mask:
+        """Return the mask of the elements with a gap, g > 0."""
+        mask = self._state.void()
+        mask[self._elements] = False
+        return mask.reshape(self.shape)
 
     def state(self) -> dict[str, Any]:
         """Return the numbers and arrays from which `sweep` goes on (``resume``)."""
@@ -223,6 +230,10 @@ class State:
         """Return w, on the whole grid or on some elements of it."""
         return (self.touch_at if elements is None else self.touch_at[elements]) - self.indentation
 
+    def void(self) -> Mask:
+        """Return where w > 0 on the whole grid, without the field w."""
+        return self.touch_at > self.indentation
+
     def within(self, reach: float) -> tuple[Index, Array]:
         """Return all elements with w < reach or q > 0, in increasing order, and their w.
 
@@ -253,3 +264,7 @@ class Estimated(State):
         touch_at = np.maximum(-self._x, self._least)
         touch_at += self.indentation
         return touch_at
+
+    def void(self) -> Mask:
+        """Return where w > 0: where q is not."""
+        return np.ones(self._x.size, dtype=bool)

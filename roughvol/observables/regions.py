@@ -50,6 +50,10 @@ class Within:
         """Return where p > 0 inside."""
         return self.whole.contact()[self._window]
 
+    def void(self) -> Mask:
+        """Return where g > 0 inside."""
+        return self.whole.void()[self._window]
+
     periodic = False  # a part of a period is none
     mean_pressure_bound = math.nan  # only the pressure on the whole surface is certified
 

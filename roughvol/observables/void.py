@@ -26,9 +26,8 @@ EXPONENTS = {"transmissivity": 3.0, "diffusivity": 1.0}
 
 def stops_percolating(kind: str, state: State) -> bool:
     """Return whether no open way is left along the axes that the end of a sweep names: percolation-x, -y or -both."""
-    void = state.gap() > 0.0
     asked = [axis for axis, name in enumerate(AXES) if kind.endswith((name, "both"))]
-    return not clusters.percolates(void, *asked, periodic=state.periodic)
+    return not clusters.percolates(state.void(), *asked, periodic=state.periodic)
 
 
 def leak_rates(state: State) -> dict[str, float]:
