@@ -14,7 +14,7 @@ from hypothesis.extra.numpy import arrays
 
 from roughvol.contact import active_set
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.loading import solve, sweep
+from roughvol.contact.loading import Trials, solve, sweep
 from roughvol.contact.options import Tuning
 from roughvol.errors import ContactError, ConvergenceError
 from roughvol.surfaces.surface import Surface
@@ -202,6 +202,19 @@ def test_sweep_is_lazy_and_does_not_depend_on_what_comes_later():
         assert np.array_equal(a.pressure(), b.pressure())
         assert np.array_equal(a.gap(), b.gap())
         assert (a.free_volume, a.residual) == (b.free_volume, b.residual)
+
+
+@pytest.mark.parametrize("sides", ["free", "mirrored", "periodic"])
+def test_void_is_where_the_gap_is_of_states_solved_and_on_lines(sides):
+    surface = kit.fractal(4, sides=sides)
+    trials = Trials(surface, kit.half_space(surface.shape, sides=sides))
+    light = trials.at(0.5, trials.untouched)
+    heavy = trials.at(2.0, light)
+    line = trials.line(light, heavy)
+    estimates = [line(indentation, margin) for indentation in (0.3, 1.2, 2.5) for margin in (0.0, 0.1)]
+    for contact in (trials.untouched, light, heavy, *estimates):
+        assert np.array_equal(contact.void(), contact.gap() > 0.0)
+        assert 0 < np.count_nonzero(contact.void()) <= surface.heights.size
 
 
 def test_records_own_their_arrays():

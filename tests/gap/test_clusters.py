@@ -50,6 +50,9 @@ def test_percolation_is_what_a_search_finds_and_void_and_solid_exclude_each_othe
         for axis, found in enumerate((state.percolates_x, state.percolates_y)):
             assert found == percolates(void, axis) == floods(void, axis)
             assert found != floods(~void, 1 - axis, corners=True)
+        for periodic in (False, True):
+            one_by_one = [percolates(void, axis, periodic=periodic) for axis in (0, 1)]
+            assert percolates(void, 0, 1, periodic=periodic) is any(one_by_one)
 
 
 def test_connected_and_trapped_are_all():
