@@ -57,7 +57,7 @@ def optional(description: str) -> Any:
 class Strict(BaseModel):
     """A frozen record without unknown keys."""
 
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Choice(Strict):
