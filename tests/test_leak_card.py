@@ -77,6 +77,12 @@ def test_some_closed_surfaces_are_counted_as_0_with_a_median() -> None:
     assert all(min(ax.get_ylim()) + 0.25 <= place <= max(ax.get_ylim()) - 0.25 for place in places)
 
 
+def test_a_load_that_the_sweep_misses_by_rounding_has_its_card() -> None:
+    end, beyond = (_card(_study(PRESSED), "--at", f"pressure={p} MPa") for p in ("0.1", "0.1000005"))
+    for way, other in zip(end["ways"], beyond["ways"], strict=True):
+        assert other["leak"] == pytest.approx(way["leak"], rel=1e-4)
+
+
 def test_a_closed_joint_has_a_largest_leak(monkeypatch: pytest.MonkeyPatch) -> None:
     """The end of this sweep is the closing of the last way: the unsafe side is a finer grid."""
     monkeypatch.setattr(card_runs, "FEWEST_NODES", 16)

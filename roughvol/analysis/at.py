@@ -48,7 +48,8 @@ BY_LOGARITHM = (
     "critical_gap",
 )
 WAYS = ("open", "percolates")  # a way that closes between two steps is closed from the second step on
-MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V}  # in units, of starred numbers
+# in units, of starred numbers
+MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V, "mean_plane_separation": "separation"}
 LEAK = "leak_rate"
 RULE = (
     "Between steps: straight lines over the quantity asked for, of the logarithm for flows and openings. A way that "

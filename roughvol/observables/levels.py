@@ -17,7 +17,7 @@ from roughvol.observables import void
 from roughvol.observables.pressures import largest_pressure
 from roughvol.observables.regions import State, window, within
 from roughvol.study import STARRED, Case, Level
-from roughvol.study.values.state_kinds import slack
+from roughvol.study.values.state_kinds import REACHED, slack
 from roughvol.surfaces.surface import Surface
 
 LAST = Level("last")
@@ -42,7 +42,8 @@ def reached(level: Level, step: int, contact: State, case: Case, before: Mapping
         return True
     if level.value is None:
         return False
-    near = slack(level.kind, level.value, ROUNDING)
+    at_end = step == case.sweep.legs[0].steps  # no later step of the leg is nearer: answers take it as the level
+    near = slack(level.kind, level.value, REACHED if at_end else ROUNDING)
     if level.kind == "step":
         return step == level.value
     kind = STARRED[level.kind]
@@ -150,7 +151,7 @@ def at_level(level: Level, between: Between) -> Contact:
     falls = bool(earlier) and after.approach < earlier[-1]["indentation"]
     if searched(level, surface):
         target = target_of(level, case, surface)
-        target = replace(target, value=target.value * (1.0 - ROUNDING))
+        target = replace(target, value=target.value * (1.0 + (ROUNDING if falls else -ROUNDING)))
         if case.plastic or falls:
             trials = Trials(surface, half_space, options, after=after.state())
             start = trials.known(earlier[-1], residual) if earlier else trials.untouched

@@ -344,6 +344,15 @@ def test_a_recorded_state_in_full_contact_has_no_gap(tmp_path: Path) -> None:
     assert_allclose(found.nominal_pressure, 2.0, rtol=1e-5)
 
 
+def test_numbers_of_a_recorded_state_in_units_are_those_without(tmp_path: Path) -> None:
+    text = SEAL.replace("record:", "record:\n  fields_at: {contact_area: 0.1}")
+    text = text.replace("{pressure: MPa,", "{pressure: MPa, separation: nm, mean_gap: um, free_volume: um,")
+    ds = _made(text, tmp_path, "{steps: 3, to: mean-plane}")
+    found, steps = ds.roughvol.at(contact_area=0.1), ds.isel(step=1)
+    for name, starred in (("mean_plane_separation", "separation"), ("mean_gap", "free_volume")):
+        assert_allclose(found[name] / found[starred], steps[name] / steps[starred], rtol=1e-9)
+
+
 def test_elastic_contact_opens_at_the_load_at_which_it_closes(tmp_path: Path) -> None:
     text = CLOSING.replace("closing: true", "closing: true, constriction: every-step")
     ds = _made(text, tmp_path, "[{pressures: [0.01 MPa, 2 MPa]}, {pressures: [1.9 MPa, 0.01 MPa]}]")

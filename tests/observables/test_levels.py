@@ -139,6 +139,21 @@ def test_a_level_at_the_end_of_a_leg_is_of_the_next_leg_too(level, hardness):
         assert begin == pytest.approx(end, rel=1e-5)
 
 
+@pytest.mark.parametrize("sides", ["free", "periodic"])
+def test_a_level_at_a_step_of_an_unloading_leg_is_the_state_of_the_step(sides):
+    path = "[{steps: 3, to: {contact_area: 0.2}}, {steps: 3, to: {contact_area: 0.05}}]"
+    text = f"surface: {{D: 2.3, m: 4, seeds: [1], sides: {sides}}}\nsweep: {path}\n"
+    steps = answer(text).squeeze()
+    kinds = ("mean_pressure", "contact_area_fraction", "free_volume")
+    levels = {name: [float(steps[name][k]) for k in (4, 5)] for name in kinds}
+    of = dict(zip(kinds, ("pressure", "contact_area", "free_volume"), strict=True))
+    fields = ", ".join(f"{of[name]}: {values!r}" for name, values in levels.items())
+    result = answer(text + f"record: {{fields_at: {{{fields}}}, all_legs: true}}").squeeze()
+    for name, values in levels.items():
+        on_leg = [label for label in result.field_at.values if label.startswith(of[name]) and label.endswith("leg 2")]
+        assert_allclose(result[f"field_at_{name}"].sel(field_at=on_leg), values, rtol=1e-5)
+
+
 def test_the_error_of_the_pressure_asked_for_holds_at_levels():
     asked = 1e-3
     at = "fields_at: {pressure: [0.5, 2], contact_area: 0.3, separation: -1}"
