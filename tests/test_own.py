@@ -211,6 +211,8 @@ def test_a_function_that_returns_another_shape_needs_another_version(before, aft
         ("axis: mine:largest", "axis is a stored variable already"),
         ("state: mine:largest", "record.own.state: state is a column of tables already: choose another name"),
         ("reached: mine:largest", "reached is a column of tables already"),
+        ("free_volume_range: mine:largest", "free_volume_range is a number of the average of free_volume already"),
+        ("a: mine:largest, a_count: mine:nominal", "record.own.a_count: a_count is a number of the average of a"),
         ("leak_rate_x: mine:largest", "leak_rate_x is a stored variable already"),
         ("a: mine:halves, b: mine:sides", "record.own.b: mine:sides has other labels of half than another quantity"),
         ("a: mine:words", "record.own.a: mine:words has labels of side that are equal or no finite numbers"),
