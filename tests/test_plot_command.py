@@ -171,7 +171,9 @@ def test_a_figure_of_one_run_does_not_stop_those_of_two(tmp_path: Path) -> None:
 
 def _points(run: str, name: str, folder: Path) -> list[dict[str, str]]:
     said("plot", run, name, "--format", "csv", "--out", folder)
-    return list(csv.DictReader((folder / f"{name}.csv").read_text(encoding="utf-8").splitlines()))
+    rows = list(csv.DictReader((folder / f"{name}.csv").read_text(encoding="utf-8").splitlines()))
+    assert not any("nan" in row.values() for row in rows)
+    return rows
 
 
 def test_points_have_the_D_m_and_seed_of_their_surface_and_no_tex(tmp_path: Path) -> None:
@@ -198,6 +200,13 @@ def test_points_of_a_path_have_their_leg_and_direction(tmp_path: Path) -> None:
     directions = enumerate(("", "", "x", "y"), start=1)
     assert curves == {(f"{panel}", "2.3", axis, leg) for panel, axis in directions for leg in legs}
     assert not any(row["curve"].startswith("line") for row in rows)
+
+
+def test_a_point_of_a_closed_way_has_an_empty_cell(tmp_path: Path) -> None:
+    ran("shut", TWO.replace("{steps: 8, to: {pressure: 0.5 MPa}}", "{steps: 4, to: percolation}"))
+    rows = [row for row in _points("shut", "leak_of_p", tmp_path) if "closed" in row["curve"]]
+    assert rows
+    assert {row["y"] for row in rows} == {""}
 
 
 def test_points_are_those_of_curves_and_not_of_lines_across_the_axes(tmp_path: Path) -> None:

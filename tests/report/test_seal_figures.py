@@ -262,6 +262,9 @@ def test_pressure_stands_in_its_unit_above_p_star_where_one_factor_holds(ds: Dat
 
 def test_regions_are_drawn_over_the_whole(ds: Dataset, drawn: Callable[[str], Figure]) -> None:
     axes = drawn("seal_region").axes
+    assert axes[0].get_ylabel().endswith("of the whole")
+    of_region = FIGURES["seal_region"](ds.assign_attrs(region="x/L_x 0.25 to 0.75, y/L_y 0.25 to 0.75"))
+    assert of_region.axes[0].get_ylabel().endswith("of the region")
     family = ds.sel(D=2.2, m=4)
     for ax, name in zip(axes, ("contact_area_fraction", "mean_pressure", "free_volume"), strict=False):
         line = next(line for line in ax.lines if len(np.asarray(line.get_xdata())) == 3)

@@ -31,6 +31,16 @@ def results(text: str) -> dataset.Dataset:
     return dataset.combine(parts, parts[0].attrs)
 
 
+def test_the_whole_surface_of_a_list_of_regions_has_its_waves(tmp_path: Path) -> None:
+    study = loads(TEXT.replace("[0.3, 0.8]", "0.8") + "record: {psd: true, region: [none, interior]}")
+    run(study, out=tmp_path, jobs=1)
+    stored = dataset.read(tmp_path / "study.nc")
+    whole, interior = (part.dataset for part in content.parts([("waves", stored)]))
+    for part, first in ((whole, 1.0), (interior, 2.0)):
+        line = FIGURES["psd"](part).axes[0].lines[0]
+        np.testing.assert_allclose(line.get_xdata()[:4], first * np.arange(1, 5), rtol=1e-12)
+
+
 def test_lines_are_the_means_of_the_finest_grid_and_the_law() -> None:
     ds = results(TEXT + "record: {psd: true}")
     figure = FIGURES["psd"](ds)

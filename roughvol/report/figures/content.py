@@ -9,6 +9,7 @@ A leak and a flow are drawn along x (solid) and y (dashed), with a mark where th
 from __future__ import annotations
 
 import itertools
+import math
 import re
 import textwrap
 import tomllib
@@ -274,7 +275,7 @@ def _families(runs: Sequence[Named], x: str, y: str) -> tuple[list[Family], str]
 
 
 def data(fig: Drawing) -> Iterator[Mapping[str, object]]:
-    """Yield the points of the curves of a figure, of any of this package."""
+    """Yield the points of the curves of a figure, of any of this package; a number that is missing is None."""
     empty = True
     for panel, ax in enumerate(fig.axes, start=1):
         unnamed = 0
@@ -292,8 +293,9 @@ def data(fig: Drawing) -> Iterator[Mapping[str, object]]:
             xs, ys = (np.atleast_1d(np.asarray(part, dtype=float)) for part in line.get_data())
             if label == ways.SHUT:
                 ys = np.full(ys.shape, np.nan)  # the mark is on the edge of the axes, which is no leak
-            for x, y in zip(xs.tolist(), ys.tolist(), strict=False):
+            for point in zip(xs.tolist(), ys.tolist(), strict=False):
                 empty = False
+                x, y = (value if math.isfinite(value) else None for value in point)
                 yield names | {"x": x, "y": y}
     if empty:
         raise DatasetError("the figure has no curves: --format csv takes figures of curves, fields are in study.nc")

@@ -168,12 +168,12 @@ def seal_leak_rate(ds: Dataset) -> Drawing:
 
 
 def seal_region(ds: Dataset) -> Drawing:
-    """Values of A*, p*, V* inside central squares over those of the whole, and T* along x and y inside, by their width.
+    """Values of A*, p*, V* inside central squares over those of all observed, and T* along x and y inside, by width.
 
     At a few states. One surface: its values. Several: mean and one standard error; of T* median and band. A way that is
     closed is marked on the lower edge.
     """
-    family = _nearest(ds)
+    family, whole = _nearest(ds), "region" if "region" in ds.attrs else "whole"
     names = {"contact_area_fraction_within": r"$A^{\ast}$", "mean_pressure_within": r"$p^{\ast}$"}
     names |= {"free_volume_within": r"$V^{\ast}$"}
     flow = "transmissivity_within"
@@ -207,7 +207,7 @@ def seal_region(ds: Dataset) -> Drawing:
                 error = rows.std(axis=0, ddof=1) / np.sqrt(len(rows))
                 ax.fill_between(width, mean - error, mean + error, color=look["color"], alpha=0.18, lw=0, zorder=2)
             ax.plot(width, mean, label=label, zorder=3, **look)
-            ax.set_ylabel(f"{symbol} inside / {symbol} of the whole")
+            ax.set_ylabel(f"{symbol} inside / {symbol} of the {whole}")
         for direction in flows:
             rows = state[flow].sel(axis=direction).transpose("seed", "region_width").values
             closed += ways.draw_by_width(axes[-1], width, rows[np.isfinite(rows).all(axis=1)], look, direction)

@@ -70,7 +70,7 @@ def _mean(family: Family, name: str, power: float) -> Array:
 
 def _waves(family: Family) -> Array:
     """Return q L/2π of the rings, with L that of the whole surface; those of a region are fewer."""
-    if "wave_number" not in family.data:
+    if "wave_number" not in family.data or family.data["wave_number"].isnull().all():  # of a list of regions, the whole
         return np.asarray(family.data["wave"].values, dtype=np.float64)
     wave_number: Array = family.data["wave_number"].isel(seed=0).values
     return wave_number * float(family.data["L"]) / (2.0 * np.pi)
