@@ -110,7 +110,7 @@ def _write(figure: Drawing, target: Path) -> None:
         figure.savefig(target)
         return
     points = list(content.data(figure))
-    held = [name for name in content.COLUMNS if any(point[name] is not None for point in points)]
+    held = [name for name in content.COLUMNS if name in "xy" or any(point[name] is not None for point in points)]
     stamped_file.write(target, csv_text(held, ([point[name] for name in held] for point in points)).encode())
 
 

@@ -561,7 +561,7 @@ def _plotted(made: Made, figure: str, check: Callable[[Made, list[Curve]], int])
                 f"{row['curve']}, {row['case']}" if "case" in row else f"{row['curve']}, D = {row['D']}, m = {row['m']}"
             )
             key = words, row.get("seed", ""), row.get("axis", ""), row["curve"]
-            points.setdefault(key, []).append((float(row["x"]), float(row["y"])))
+            points.setdefault(key, []).append((float(row["x"] or "nan"), float(row["y"] or "nan")))
     curves = [Curve(*key, np.array(values).T) for key, values in points.items()]
     return check(made, curves)
 
