@@ -18,6 +18,7 @@ from xarray import Dataset
 from roughvol.analysis.average import Average, average
 from roughvol.analysis.closing import Span
 from roughvol.analysis.tables import number
+from roughvol.observables.variables import AXES
 from roughvol.study import convert
 
 
@@ -181,6 +182,11 @@ class Beside:
     leaks: tuple[Average, ...]
     unit: str
 
+    def plain(self) -> dict[str, Any]:
+        """Return the leak as plain data for JSON."""
+        leaks = {axis: _known(leak.value) for axis, leak in zip(AXES, self.leaks, strict=True)}
+        return {"words": self.words, **leaks, "unit": self.unit or "1"}
+
 
 @dataclass(frozen=True, eq=False)
 class SurfaceAtLoad:
@@ -308,6 +314,7 @@ class Card:
             "surfaces": [surface.name for surface in self.surfaces],
             "load": {name: _known(value) for name, value in load.items()},
             "ways": ways,
+            **({"beside": [leak.plain() for leak in self.beside]} if self.beside else {}),
             **({"seal": self.seal.plain()} if self.seal is not None else {}),
         }
 

@@ -163,7 +163,11 @@ def test_a_leak_of_a_gas_is_asked_for_by_its_unit(results: Dataset) -> None:
 def test_the_card_has_the_leak_of_the_gas(tmp_path: Path) -> None:
     study = loads(TEXT)
     runs = card_runs.compute(study, Level("pressure", 0.5), tmp_path, jobs=1)
-    (gas,) = card_of([runs], "gas", "").beside
+    card = card_of([runs], "gas", "")
+    (gas,) = card.beside
+    assert card.plain()["beside"] == [
+        {"words": gas.words, "x": gas.leaks[0].value, "y": gas.leaks[1].value, "unit": "mbar*l/s"}
+    ]
     assert gas.words.startswith("leak of helium, 2 bar to 1 bar")
     assert gas.unit == "mbar*l/s"
     stored = execution.run(study, jobs=1, out=tmp_path / "run").isel(D=0, m=0, seed=0)
