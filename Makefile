@@ -22,7 +22,7 @@ LITERATURE := wave_love wave_fourier wave_punch two_codes area load closing stif
 export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := setup
-.PHONY: help setup reproduce claims seal literature test bench bench-peers validation windows tradeoff intervals extremes pages publish-check reference public crossing docs coverage test-slow lint smoke clean
+.PHONY: help setup reproduce claims seal literature test bench bench-peers validation windows tradeoff intervals extremes pages publish-check reference public crossing docs coverage test-slow lint smoke lowest clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-13s %s\n", $$1, $$2}' $(firstword $(MAKEFILE_LIST))
@@ -147,6 +147,15 @@ lint: setup  ## check style, types and docstrings
 smoke: $(PACKAGE)  ## run and plot one small study
 	@$(BIN)/roughvol run configs/smoke.yaml --fresh --out runs/smoke
 	@$(BIN)/roughvol plot runs/smoke
+
+# Without the flows of the study, whose loops a new environment would compile.
+OLD := build/lowest/env
+lowest: $(PACKAGE)  ## run one small study with the lowest libraries of pyproject.toml
+	@$(BIN)/uv build --quiet --system-certs --clear --wheel --out-dir build/lowest || { echo "not tried: uv finds no index"; exit 0; }; \
+	set -e; $(BIN)/uv venv --quiet --clear --python $(BIN)/python $(OLD); \
+	$(BIN)/uv pip install --quiet --system-certs --python $(OLD) --resolution lowest-direct --only-binary :all: build/lowest/*.whl; \
+	$(OLD)/bin/roughvol run configs/smoke.yaml --fresh --out runs/lowest --set record.transport=null; \
+	$(OLD)/bin/roughvol plot runs/lowest v_of_p
 
 clean:  ## remove .venv, builds and results
 	@rm -rf $(VENV) build *.egg-info runs/*/
