@@ -148,14 +148,17 @@ smoke: $(PACKAGE)  ## run and plot one small study
 	@$(BIN)/roughvol run configs/smoke.yaml --fresh --out runs/smoke
 	@$(BIN)/roughvol plot runs/smoke
 
-# Without the flows of the study, whose loops a new environment would compile.
+# The sealing study of a gas takes most sections of a study.
 OLD := build/lowest/env
-lowest: $(PACKAGE)  ## run one small study with the lowest libraries of pyproject.toml
+lowest: $(PACKAGE)  ## run and plot one small study with the lowest libraries of pyproject.toml
 	@$(BIN)/uv build --quiet --system-certs --clear --wheel --out-dir build/lowest || { echo "not tried: uv finds no index"; exit 0; }; \
 	set -e; $(BIN)/uv venv --quiet --clear --python $(BIN)/python $(OLD); \
-	$(BIN)/uv pip install --quiet --system-certs --python $(OLD) --resolution lowest-direct --only-binary :all: build/lowest/*.whl; \
-	$(OLD)/bin/roughvol run configs/smoke.yaml --fresh --out runs/lowest --set record.transport=null; \
-	$(OLD)/bin/roughvol plot runs/lowest v_of_p
+	$(BIN)/uv pip compile --quiet --system-certs --python $(OLD) --resolution lowest-direct --only-binary :all: \
+		pyproject.toml --output-file build/lowest/pins.txt; \
+	$(BIN)/uv pip install --quiet --system-certs --python $(OLD) --only-binary :all: \
+		--constraint build/lowest/pins.txt build/lowest/*.whl; \
+	$(OLD)/bin/roughvol run configs/gas_seal.yaml --set surface.m=3 --fresh --out runs/lowest; \
+	$(OLD)/bin/roughvol plot runs/lowest leak_of_p
 
 clean:  ## remove .venv, builds and results
 	@rm -rf $(VENV) build *.egg-info runs/*/
