@@ -146,6 +146,7 @@ def test_a_level_at_a_step_of_an_unloading_leg_is_the_state_of_the_step(sides):
     steps = answer(text).squeeze()
     kinds = ("mean_pressure", "contact_area_fraction", "free_volume")
     levels = {name: [float(steps[name][k]) for k in (4, 5)] for name in kinds}
+    levels["mean_pressure"][1] *= 1.0 - 5e-6  # the end of the leg misses it by less than answers see
     of = dict(zip(kinds, ("pressure", "contact_area", "free_volume"), strict=True))
     fields = ", ".join(f"{of[name]}: {values!r}" for name, values in levels.items())
     result = answer(text + f"record: {{fields_at: {{{fields}}}, all_legs: true}}").squeeze()
