@@ -184,7 +184,7 @@ def page(rows: list[dict[str, Any]]) -> str:
     lines.append("| library | bound | " + " | ".join(f"{row['python']}, {row['libraries']}" for row in rows) + " |")
     lines.append("|---" * (2 + len(rows)) + "|")
     for requirement in project["dependencies"]:
-        name, _, bound = requirement.partition(">=")
+        name, _, bound = requirement.partition(",")[0].partition(">=")
         lines.append(f"| {name} | {bound} | " + " | ".join(row["versions"][canonical(name)] for row in rows) + " |")
     return "\n".join(lines) + "\n"
 
