@@ -1054,6 +1054,13 @@ def _check_card(groups: Sequence[Group], found: dict[str, Any], load: str) -> in
         if way["closing_pressure_interval"] is not None:
             assert way["closing_pressure_interval"][0] < closes < way["closing_pressure_interval"][1]
         count += 2
+    for beside in found.get("beside", ()):
+        name = "gas_leak_rate" if beside["unit"] == "mbar*l/s" else "leak_rate"
+        name += "_dry" if "dry gap" in beside["words"] else ""
+        for axis in "xy":
+            leaks = [state[f"{name}_{axis}"] for state in states]
+            close(beside[axis], np.median(leaks), f"{name} along {axis}", within=2e-3, flow=True)
+            count += 1
     return count
 
 
