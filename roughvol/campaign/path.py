@@ -182,9 +182,9 @@ def last_indentation(case: Case, surface: Surface, half_space: Compliance) -> fl
 def _even(leg: Sweep, low: float, high: float, number: int) -> list[float]:
     """Return p* of the steps of a leg: equal differences, or equal ratios."""
     places = np.arange(1, leg.steps + 1) / leg.steps
-    if leg.equal == "pressure" and low == high:
-        raise ContactError(f"leg {number + 1} begins and ends at p* = {high:.6g}: no steps are equal in pressure")
     if leg.equal == "pressure":
+        if low == high:
+            raise ContactError(f"leg {number + 1} begins and ends at p* = {high:.6g}: no steps are equal in pressure")
         return list((low + (high - low) * places).tolist())
     if number == 0:
         low = leg.first or high / RANGE

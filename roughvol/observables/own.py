@@ -112,11 +112,11 @@ def register(record: Record, ensemble: Ensemble | None = None) -> None:
             if dim != "axis"
         }
         for variable, made in rows.items():
-            averaged_one = variable.removesuffix("_range").removesuffix("_count")
-            of_average = variable != averaged_one and averaged_one in {*taken, *_of(record)}
+            base = variable.removesuffix("_range").removesuffix("_count")  # as `averages` names them
+            of_average = variable != base and base in {*taken, *_of(record)}
             if variable in taken or of_average or (variable != name and variable in _of(record)):
                 kind = "a column of tables" if variable in OF_TABLES else "a stored variable"
-                kind = f"a number of the average of {averaged_one}" if of_average else kind
+                kind = f"a number of the average of {base}" if of_average else kind
                 key, message = f"record.own.{name}", f"{variable} is {kind} already: choose another name"
                 raise StudyError([Problem(message, key)])
             QUANTITIES[variable] = VARIABLES[variable] = made

@@ -294,8 +294,9 @@ def data(fig: Drawing) -> Iterator[Mapping[str, object]]:
             if label == ways.SHUT:
                 ys = np.full(ys.shape, np.nan)  # the mark is on the edge of the axes, which is no leak
             for point in zip(xs.tolist(), ys.tolist(), strict=False):
-                empty = False
                 x, y = (value if math.isfinite(value) else None for value in point)
-                yield names | {"x": x, "y": y}
+                if x is not None or y is not None:  # a ring of waves that a region has not
+                    empty = False
+                    yield names | {"x": x, "y": y}
     if empty:
         raise DatasetError("the figure has no curves: --format csv takes figures of curves, fields are in study.nc")

@@ -168,7 +168,9 @@ def seal_leak_rate(ds: Dataset) -> Drawing:
 
 
 def seal_region(ds: Dataset) -> Drawing:
-    """Values of A*, p*, V* inside central squares over those of all observed, and T* along x and y inside, by width.
+    """Values of A*, p*, V* inside central squares over those of the whole, and T* along x and y inside, by their width.
+
+    The whole is the surface, or the region of the study.
 
     At a few states. One surface: its values. Several: mean and one standard error; of T* median and band. A way that is
     closed is marked on the lower edge.
