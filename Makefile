@@ -151,7 +151,7 @@ smoke: $(PACKAGE)  ## run and plot one small study
 # The sealing study of a gas takes most sections of a study.
 OLD := build/lowest/env
 lowest: $(PACKAGE)  ## run and plot one small study with the lowest libraries of pyproject.toml
-	@$(BIN)/uv build --quiet --system-certs --clear --wheel --out-dir build/lowest || { echo "not tried: uv finds no index"; exit 0; }; \
+	@$(BIN)/uv build --quiet --system-certs --clear --wheel --out-dir build/lowest || { echo "not tried: uv builds no wheel here"; exit 0; }; \
 	set -e; $(BIN)/uv venv --quiet --clear --python $(BIN)/python $(OLD); \
 	$(BIN)/uv pip compile --quiet --system-certs --python $(OLD) --resolution lowest-direct --only-binary :all: \
 		pyproject.toml --output-file build/lowest/pins.txt; \
