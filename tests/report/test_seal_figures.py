@@ -20,6 +20,7 @@ from roughvol.analysis.average import average
 from roughvol.campaign.one_case import run_case
 from roughvol.errors import DatasetError
 from roughvol.report.figures.families import Family
+from roughvol.report.figures.origin import origin
 from roughvol.report.figures.registry import FIGURES as ALL
 from roughvol.report.figures.ways import (
     Way,
@@ -263,8 +264,10 @@ def test_pressure_stands_in_its_unit_above_p_star_where_one_factor_holds(ds: Dat
 def test_regions_are_drawn_over_the_whole(ds: Dataset, drawn: Callable[[str], Figure]) -> None:
     axes = drawn("seal_region").axes
     assert axes[0].get_ylabel().endswith("of the whole")
-    of_region = FIGURES["seal_region"](ds.assign_attrs(region="x/L_x 0.25 to 0.75, y/L_y 0.25 to 0.75"))
-    assert of_region.axes[0].get_ylabel().endswith("of the region")
+    region = ds.assign_attrs(region="x/L_x 0.25 to 0.75, y/L_y 0.25 to 0.75")
+    assert FIGURES["seal_region"](region).axes[0].get_ylabel().endswith("of the region")
+    assert ", region x/L_x 0.25 to 0.75, y/L_y" in origin(region, {})
+    assert "region" not in origin(ds, {})
     family = ds.sel(D=2.2, m=4)
     for ax, name in zip(axes, ("contact_area_fraction", "mean_pressure", "free_volume"), strict=False):
         line = next(line for line in ax.lines if len(np.asarray(line.get_xdata())) == 3)

@@ -23,9 +23,10 @@ def run_name(ds: Dataset) -> str:
 
 
 def surfaces(ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
-    """Return in words which surfaces are drawn: files, or D, m, L and how many of each."""
+    """Return in words which surfaces are drawn: files, or D, m, L, the region, and how many of each."""
     unit = unit_of(ds, "L")
     side = f"L = {float(ds['L']):g}" + (f" {unit}" if unit != "length" else "")
+    side += f", region {ds.attrs['region']}" if "region" in ds.attrs else ""
     if "case" in ds.dims:
         names = [file_text(str(name)) for name in ds["case"].values.tolist()]
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
