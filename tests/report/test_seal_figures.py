@@ -242,6 +242,13 @@ def test_full_contact_has_no_share_of_the_free_volume(one: Dataset) -> None:
     assert all(np.isnan(line.get_ydata()).all() for line in states)
 
 
+def test_a_way_that_closes_in_full_contact_has_no_mark_over_free_volume() -> None:
+    ds = _study(np.array([0.1, 1.0, 5.0]), {"x": 2, "y": 2})
+    fig = FIGURES["seal_transmissivity"](ds.assign(free_volume=ds["free_volume"].where(ds["step"] < 3, 0.0)))
+    assert [len([line for line in ax.lines if line.get_label() == "_closed"]) for ax in fig.axes[:3]] == [2, 2, 0]
+    shown(fig)
+
+
 def test_the_leak_rate_is_that_stored_in_its_unit(one: Dataset) -> None:
     fig = FIGURES["seal_leak_rate"](one)
     assert fig.axes[0].get_ylabel() == "leak rate [mm³/s]"

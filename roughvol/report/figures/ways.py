@@ -228,7 +228,12 @@ def closing(
     closed: float,
     family: Family | None = None,
 ) -> None:
-    """Mark a closed way on the lower edge of the axes, and lead a dotted line there from its last open state."""
+    """Mark a closed way on the lower edge of the axes, and lead a dotted line there from its last open state.
+
+    A way that closes at V* = 0 has no place on a logarithmic axis.
+    """
+    if closed <= 0.0 and ax.get_xscale() == "log":
+        return
     floor = ax.get_ylim()[0]
     if last is not None:
         ax.plot([last[0], closed], [max(last[1], floor), floor], ls=":", lw=0.8, color=colour, zorder=2, label=LEAD)
