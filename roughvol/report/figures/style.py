@@ -27,6 +27,7 @@ from xarray import Dataset
 from roughvol.errors import FolderError
 from roughvol.observables.variables import QUANTITIES
 from roughvol.store import stamped_file
+from roughvol.surfaces.length_units import METRES, factor
 from roughvol.typing import Array
 
 _LETTERS = {r"^{\ast}": "*", r"\sigma": "σ", r"\Delta": "Δ", r"\delta": "δ", r"\mu": "µ", r"\leq": "≤", r"\sim": "~"}
@@ -187,6 +188,15 @@ def unit_text(unit: str) -> str:
     words = re.sub(r"\bu(?=(?:m|s|g|N|Pa|bar|l|L)\b)", "µ", unit)
     raised: Callable[[re.Match[str]], str] = lambda power: RAISED.get(power[1], f"$^{{{power[1]}}}$")  # noqa: E731
     return re.sub(r"(?:\^|\*\*)(-?\d+)", raised, words).replace("*", " ")
+
+
+def handy(size: float, unit: str | None) -> tuple[float, str]:
+    """Return a factor and the unit in which a length is a number of one to three digits, as it is printed."""
+    if unit not in METRES:
+        return 1.0, "length"
+    fitting = (one for one in ("pm", "nm", "um", "mm", "m") if 0.0 < size * factor(unit, one) < 1000.0)
+    wanted = next(fitting, unit)
+    return METRES[unit] / METRES[wanted], unit_text(wanted)
 
 
 def unit_of(ds: Dataset, name: str) -> str:

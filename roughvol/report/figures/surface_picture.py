@@ -10,14 +10,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from roughvol.errors import DatasetError
-from roughvol.report.figures.style import CONTACT, PAGE, STYLE, canvas
-from roughvol.surfaces.length_units import METRES, factor
+from roughvol.report.figures.style import CONTACT, PAGE, STYLE, canvas, handy
 from roughvol.surfaces.surface import Surface
 
 LIMITS = (0.1, 99.9)  # percentiles of the heights between which the colours run, so that one spike leaves them alone
 BINS_PER_SQ, FEWEST_BINS, MOST_BINS = 8, 40, 400
 RING = "#c0392b"  # seen on the colours of the map and on white
-SPELLED = {"um": "µm", "angstrom": "Å"}
 
 
 def look(surface: Surface, unit: str | None = None, title: str = "") -> Figure:
@@ -28,8 +26,8 @@ def look(surface: Surface, unit: str | None = None, title: str = "") -> Figure:
     """
     heights = surface.heights - surface.mean_height
     width, depth = (surface.spacing * (nodes - 1) for nodes in surface.shape)
-    across, across_unit = _handy(max(width, depth), unit)
-    scale, height_unit = _handy(3.0 * surface.Sq, unit)
+    across, across_unit = handy(max(width, depth), unit)
+    scale, height_unit = handy(3.0 * surface.Sq, unit)
     z = heights * scale
     x, y = (np.linspace(0.0, side * across, nodes) for side, nodes in zip((width, depth), z.shape, strict=True))
     row, column = np.unravel_index(int(z.argmax()), z.shape)
@@ -96,14 +94,3 @@ def _histogram(ax: Any, z: Any, Sq: float, unit: str) -> None:
     ax.plot(float(z.max()), 1.0, "o", mfc="none", mec=RING, ms=6, label="highest point", clip_on=False)
     ax.set(ylim=(0.7, 20.0 * counts.max()), xlabel=f"$z$ from the mean plane [{unit}]", ylabel="nodes in a bin")
     ax.legend(loc="upper right")
-
-
-def _handy(size: float, unit: str | None) -> tuple[float, str]:
-    """Return a factor and the unit in which a length is a number of one to three digits, as it is written."""
-    if unit is None:
-        return 1.0, "length"
-    if size > 0.0:
-        fitting = (one for one in ("pm", "nm", "um", "mm", "m") if size * factor(unit, one) < 1000.0)
-        wanted = next(fitting, unit)
-        return METRES[unit] / METRES[wanted], SPELLED.get(wanted, wanted)
-    return 1.0, SPELLED.get(unit, unit)

@@ -50,6 +50,7 @@ from roughvol.report.figures.style import (
     axes,
     canvas,
     density_label,
+    handy,
     legend,
     looks,
     plain_ticks,
@@ -86,9 +87,10 @@ def _gallery(some: Sequence[Family], title: str) -> Drawing:
     titles = [f"{family.label}, {title}".removesuffix(", ") for family in some]
     if all("Sdq" in surface for surface in surfaces):
         titles = [f"{t}, $S_{{dq}} = {float(surface['Sdq']):.3g}$" for t, surface in zip(titles, surfaces, strict=True)]
-    unit = unit_of(surfaces[0], "heights")
-    scale, label = (1.0, f"$z$ [{unit}]") if unit != "length" else (float(surfaces[0]["L"]), "$z/L$")
-    fig = reliefs([own(surface["heights"]) / scale for surface in surfaces], titles, label)
+    heights = [own(surface["heights"]) for surface in surfaces]
+    scale, unit = handy(max(float(abs(z).max()) for z in heights), heights[0].attrs.get("units"))
+    scale, label = (1.0 / float(surfaces[0]["L"]), "$z/L$") if unit == "length" else (scale, f"$z$ [{unit}]")
+    fig = reliefs([z * scale for z in heights], titles, label)
     fig.shown = shown(some)
     return fig
 
