@@ -18,6 +18,7 @@ from roughvol.campaign import card as card_runs
 from roughvol.report import card_text
 from roughvol.report.figures import leak_card
 from roughvol.store import dataset
+from roughvol.study import Level, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from tests.kit import answered, ran, refused, said
 
@@ -114,6 +115,15 @@ def test_a_load_beyond_a_sweep_that_ended_closed_is_closed(monkeypatch: pytest.M
     for way in _card(study, "--at", "pressure=2 MPa")["ways"]:
         beyond = way["closing_pressure_interval"][1] < 2.0
         assert (way["leak_interval"] == [0.0, 0.0]) == beyond
+
+
+@pytest.mark.parametrize(("cut_off", "on_coarser"), [("3 um", [None, None]), ("7 um", ["7 um", None])])
+def test_means_over_nodes_replace_a_filter_that_a_coarser_grid_cannot_hold(cut_off: str, on_coarser: list[Any]) -> None:
+    _maps(0.5, m=7)
+    study = loads(SEAL.replace(GENERATED, f"{{file: face0.txt, L: 128 um, low_pass: {cut_off}}}"))
+    planned = card_runs.plan(study, Level("last"))
+    found = [run.study.surface.low_pass for run in (*planned.coarser, planned.levelled)]
+    assert [cut and str(cut) for cut in found] == [*on_coarser, on_coarser[0]]
 
 
 @pytest.mark.parametrize(("separation", "grids"), [(7.7, 0), (2.7, 1)])

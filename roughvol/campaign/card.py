@@ -143,11 +143,18 @@ def _of_level(error: StudyError, at: Level) -> list[Problem]:
 
 
 def _coarser(study: Study, factor: int) -> dict[str, Any] | None:
-    """Return the keys of the section ``surface`` for a coarser grid; None where it has too few nodes."""
+    """Return the keys of the section ``surface`` for a coarser grid; None where it has too few nodes.
+
+    Means over nodes take the place of a filter of waves that the coarser grid cannot hold.
+    """
     surface = study.surface
     if isinstance(surface, HeightFile):
-        nodes = min(surface_of(study.cases()[0]).shape)
-        return {"downsample": surface.downsample * factor} if nodes // factor >= FEWEST_NODES else None
+        case = study.cases()[0]
+        finer, cut_off = surface_of(case), case.treatment.low_pass
+        if min(finer.shape) // factor < FEWEST_NODES:
+            return None
+        too_short = cut_off is not None and cut_off < 2.0 * factor * finer.spacing
+        return {"downsample": surface.downsample * factor} | ({"low_pass": None} if too_short else {})
     m = surface.m[0] - factor // 2
     key, value = ("m", m) if "m" in type(surface).model_fields else ("n", 2**m)
     return {key: value} if 2**m + 1 >= FEWEST_NODES else None
