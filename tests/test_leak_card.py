@@ -126,6 +126,14 @@ def test_means_over_nodes_replace_a_filter_that_a_coarser_grid_cannot_hold(cut_o
     assert [cut and str(cut) for cut in found] == [*on_coarser, on_coarser[0]]
 
 
+def test_a_period_has_coarser_grids_that_its_blocks_fill() -> None:
+    np.save("face0.npy", np.random.default_rng(0).standard_normal((128, 126)))
+    period = "{file: face0.npy, L: 128 um, heights_unit: um, sides: periodic}"
+    planned = card_runs.plan(loads(SEAL.replace(GENERATED, period)), Level("last"))
+    assert [run.study.surface.downsample for run in planned.coarser] == [2]  # 126 is no multiple of 4
+    assert planned.levelled is None
+
+
 @pytest.mark.parametrize(("separation", "grids"), [(7.7, 0), (2.7, 1)])
 def test_a_card_says_which_of_its_other_runs_failed(separation: float, grids: int) -> None:
     z = np.random.default_rng(0).standard_normal((64, 64))

@@ -59,7 +59,7 @@ EXCLUDES = (  # key, the key or property that excludes it, message
     ("surface.D", "surface.H", "excluded by 'H': give one of them"),
     ("surface.shortest", "surface.cut", "excluded by 'cut': give one of them"),
     ("surface.slope", "surface.Sq", "excluded by 'Sq': give one of them"),
-    *((f"surface.{key}", "surface.periodic", _PERIOD) for key in ("crop", "downsample", "resample", "low_pass")),
+    *((f"surface.{key}", "surface.periodic", _PERIOD) for key in ("crop", "resample", "low_pass")),
 )
 KEYS_OF = {  # of properties
     "surface.periodic": ("surface.sides",),

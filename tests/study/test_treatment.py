@@ -118,6 +118,15 @@ def test_block_means_and_what_fills_no_block(folder: Path) -> None:
     assert case.surface_text == "cropped to nodes 0 to 39 along x and 0 to 35 along y; means of 4 x 4 nodes taken"
 
 
+def test_block_means_of_a_period_leave_its_length(folder: Path) -> None:
+    np.save(folder / "period.npy", MAP[:40, :36])
+    case = _case(folder, "file: period.npy, sides: periodic, downsample: 4")
+    surface = case_surface.surface_of(case)
+    assert np.array_equal(surface.heights, treatment.block_means(MAP[:40, :36], 4))
+    assert (surface.periodic, surface.spacing, surface.side, case.L) == (True, 4.0, 40.0, 40.0)
+    assert case.surface_text == "means of 4 x 4 nodes taken"
+
+
 @settings(max_examples=40, deadline=None)
 @given(st.integers(3, 300), st.integers(3, 300), st.integers(1, 7), st.floats(0.5, 2.0))
 def test_the_lattice_is_the_one_that_comes_out(rows: int, columns: int, side: int, ratio: float) -> None:

@@ -99,18 +99,21 @@ def settled(
             continue
         nodes = shape(index)
         x, y = (1.0, 1.0) if lengths is None else (length / (n - 1) for length, n in zip(lengths, nodes, strict=True))
-        pixel = L / (nodes[0] - 1)
+        pixel = L / (nodes[0] if surface.periodic else nodes[0] - 1)
         lattices.append(Lattice(nodes, (pixel, pixel * (y / x))))
         check_pixels(lattices[-1], resample, body.file, unit)
         if changed and nodes != lattices[0].shape:
             message = f"{body.file} has {nodes} nodes; allowed: {lattices[0].shape}, as in {surface.file}"
             wrong(message, "surface.against.file")
+    if changed and surface.periodic and any(nodes % downsample for nodes in lattices[0].shape):
+        period = "{} x {} nodes; allowed: divisors of {}".format(*lattices[0].shape, math.gcd(*lattices[0].shape))
+        wrong(f"blocks of {downsample} x {downsample} nodes do not fill a period of {period}", "surface.downsample")
     kept = nodes_kept(surface.crop, downsample, lattices[0], unit) if changed else None
     if kept is None and downsample == 1 and resample == "none":
         return plain, L, [None] * len(sides)  # L exactly as without a crop
-    left = after(lattices[0], kept, downsample, resample)
+    left = L if surface.periodic else after(lattices[0], kept, downsample, resample).L
     treatment = replace(plain, crop=kept, downsample=downsample, resample=resample)
-    return treatment, left.L, [lattice.ratio if resample != "none" else None for lattice in lattices]
+    return treatment, left, [lattice.ratio if resample != "none" else None for lattice in lattices]
 
 
 def nodes_kept(crop: Crop | None, downsample: int, lattice: Lattice, unit: str | None) -> Nodes | None:
