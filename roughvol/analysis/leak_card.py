@@ -54,8 +54,24 @@ def together(parts: Sequence[Part]) -> tuple[float, float]:
     return smaller, larger
 
 
+class WithParts:
+    """A number with the parts of its error."""
+
+    parts: tuple[Part, ...]
+
+    @property
+    def factor(self) -> float:
+        """All parts together: the number may be as many times larger. NaN if a part is not known."""
+        return together(self.parts)[1]
+
+    @property
+    def smaller(self) -> float:
+        """All parts together: the number may be as many times smaller; infinite where it may be 0."""
+        return together(self.parts)[0]
+
+
 @dataclass(frozen=True)
-class Closing:
+class Closing(WithParts):
     """The loads at which the last way of several surfaces closes, in ``unit`` (empty for p*).
 
     ``spans`` are those of the surfaces whose way is followed. ``parts`` is the error budget of the mean load.
@@ -73,8 +89,7 @@ class Closing:
     @property
     def interval(self) -> tuple[float, float]:
         """Smallest and largest closing load by the budget; NaN if a part is not known."""
-        smaller, larger = together(self.parts)
-        return self.value / smaller, self.value * larger
+        return self.value / self.smaller, self.value * self.factor
 
     @property
     def closed(self) -> tuple[Span, ...]:
@@ -132,7 +147,7 @@ def _ends(spans: tuple[Span, ...]) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class Way:
+class Way(WithParts):
     """The leak along one axis.
 
     - ``leak``: the leak of one surface, or the median over surfaces with its 16 to 84 % range; 0 where closed
@@ -156,22 +171,11 @@ class Way:
     at_most: float = math.nan
 
     @property
-    def factor(self) -> float:
-        """All parts together: the number may be as many times larger. NaN if a part is not known."""
-        return together(self.parts)[1]
-
-    @property
-    def smaller(self) -> float:
-        """All parts together: the number may be as many times smaller; infinite where it may be 0."""
-        return together(self.parts)[0]
-
-    @property
     def interval(self) -> tuple[float, float]:
         """Smallest and largest leak; NaN if a part of the error is not known."""
         if self.leak.value == 0.0:
             return (0.0, self.at_most) if math.isfinite(self.at_most) else (math.nan, math.nan)
-        smaller, larger = together(self.parts)
-        return self.leak.value / smaller, self.leak.value * larger
+        return self.leak.value / self.smaller, self.leak.value * self.factor
 
 
 @dataclass(frozen=True)
@@ -212,7 +216,7 @@ class SurfaceAtLoad:
 
 
 @dataclass(frozen=True)
-class SealLeak:
+class SealLeak(WithParts):
     """The leak of a seal made of patches, and the load that closes it; a number is NaN where it is not known.
 
     - ``label``: length and width in words
@@ -239,16 +243,6 @@ class SealLeak:
     load_unit: str
     words: tuple[str, ...]
     closing_parts: tuple[Part, ...] = ()
-
-    @property
-    def factor(self) -> float:
-        """All parts together: the leak may be as many times larger. NaN if a part is not known."""
-        return together(self.parts)[1]
-
-    @property
-    def smaller(self) -> float:
-        """All parts together: the leak may be as many times smaller."""
-        return together(self.parts)[0]
 
     def plain(self) -> dict[str, Any]:
         """Return ``leak``, ``tight_above`` and their intervals as plain data: pressures in MPa, None where unknown."""

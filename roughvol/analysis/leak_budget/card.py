@@ -228,8 +228,7 @@ def _way(
 
 def _at_most(fine: Sequence[Loaded], closing: Closing, axis: str) -> float:
     """Return the leak of a closed way if it closes at the far end of the interval of its closing load."""
-    _, larger = together(closing.parts)
-    leaks = [surface.leak_if(axis, math.log(larger)) for surface in fine]
+    leaks = [surface.leak_if(axis, math.log(closing.factor)) for surface in fine]
     return average(FLOW, leaks).value if np.isfinite(leaks).all() else math.nan
 
 

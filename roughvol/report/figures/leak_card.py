@@ -14,7 +14,7 @@ from xarray import Dataset, concat
 
 from roughvol.analysis.closing import LOADS, SOLVED
 from roughvol.analysis.leak import STATE
-from roughvol.analysis.leak_card import Card, SurfaceAtLoad, Way, together
+from roughvol.analysis.leak_card import Card, SurfaceAtLoad
 from roughvol.analysis.legs import first_leg
 from roughvol.gap.transport import conduction
 from roughvol.observables.variables import AXES
@@ -52,7 +52,8 @@ def panels(card: Card) -> list[Panel]:
         "horizontal bars are the intervals of the closing loads": any(
             math.isfinite(way.closing.interval[1]) for way in card.ways
         ),
-        "the band is the interval of the loads": any(map(_has_band, card.ways)) and not several,
+        "the band is the interval of the loads": any(math.isfinite(way.closing.factor) for way in card.ways)
+        and not several,
     }
     words = f"{'; '.join([f'{kind}{dry} against load{leg}', *(said for said, there in drawn.items() if there)])}."
     found = [Panel("leak", words, _against_load)]
@@ -97,9 +98,8 @@ def _against_load(ax: Axes, card: Card) -> None:
         if members:
             draw_flow(ax, family, members, way.axis, alone=True)
         look = look_of(family, way.axis, alone=True)
-        if len(members) == 1 and _has_band(way):
-            smaller, larger = together(way.closing.parts)
-            ends = members[0].load / smaller, members[0].load * larger
+        if len(members) == 1 and math.isfinite(way.closing.factor):
+            ends = members[0].load / way.closing.smaller, members[0].load * way.closing.factor
             ax.fill_betweenx(members[0].value, *ends, color=look["color"], alpha=FAINT, lw=0, zorder=2)
         low, high = way.closing.interval
         if math.isfinite(high):
@@ -122,11 +122,6 @@ def _against_load(ax: Axes, card: Card) -> None:
     ]
     ax.xaxis.set_major_locator(MaxNLocator(4))
     ax.legend(handles=handles, **LEGEND)
-
-
-def _has_band(way: Way) -> bool:
-    """Return whether the interval of the loads is known."""
-    return math.isfinite(together(way.closing.parts)[1])
 
 
 def _family(card: Card) -> Family:
