@@ -32,6 +32,7 @@ from roughvol.analysis.tables import Table, number, rounded
 from roughvol.observables.at_state import at_state
 from roughvol.store import stamped_file
 from roughvol.study import Creep, loads
+from roughvol.study.plain_data import finite
 from roughvol.study.values.state_kinds import REACHED
 from roughvol.typing import Array
 
@@ -93,9 +94,9 @@ class History:
             ways = [
                 {
                     "axis": axis,
-                    "value": _known(leak.value[k]),
-                    "interval": [_known(leak.low[k]), _known(leak.high[k])],
-                    "range_of_surfaces": [_known(leak.least[k]), _known(leak.most[k])],
+                    "value": finite(leak.value[k]),
+                    "interval": [finite(leak.low[k]), finite(leak.high[k])],
+                    "range_of_surfaces": [finite(leak.least[k]), finite(leak.most[k])],
                     "open": int(leak.open[k]),
                     "closing": int(leak.closing[k]),
                     "surfaces": leak.surfaces,
@@ -107,7 +108,7 @@ class History:
                     "seconds": float(time),
                     "compliance_ratio": float(self.ratio[k]),
                     "equivalent_pressure": float(self.equivalent[k]),
-                    "contact_area_fraction": _known(self.area[k]),
+                    "contact_area_fraction": finite(self.area[k]),
                     "leak": ways,
                 }
             )
@@ -250,10 +251,6 @@ def write_csv(over_time: History, path: Path) -> None:
     rows = zip(*(column.tolist() for column in columns), strict=True)
     csv.writer(text).writerows([head, *(map(repr, row) for row in rows)])
     stamped_file.write(path, text.getvalue().encode())
-
-
-def _known(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 def table_of(over_time: History) -> Table:

@@ -20,6 +20,7 @@ from roughvol.analysis.closing import Span
 from roughvol.analysis.tables import number
 from roughvol.observables.variables import AXES
 from roughvol.study import convert
+from roughvol.study.plain_data import finite
 
 
 @dataclass(frozen=True)
@@ -188,7 +189,7 @@ class Beside:
 
     def plain(self) -> dict[str, Any]:
         """Return the leak as plain data for JSON."""
-        leaks = {axis: _known(leak.value) for axis, leak in zip(AXES, self.leaks, strict=True)}
+        leaks = {axis: finite(leak.value) for axis, leak in zip(AXES, self.leaks, strict=True)}
         return {"words": self.words, **leaks, "unit": self.unit or "1"}
 
 
@@ -248,9 +249,9 @@ class SealLeak(WithParts):
         """Return ``leak``, ``tight_above`` and their intervals as plain data: pressures in MPa, None where unknown."""
         to_mpa = convert(1.0, self.load_unit, "MPa") if self.load_unit else math.nan
         return {
-            "leak": _known(self.leak),
+            "leak": finite(self.leak),
             "leak_interval": _interval(self.interval),
-            "tight_above": _known(self.closing * to_mpa),
+            "tight_above": finite(self.closing * to_mpa),
             "tight_above_interval": _interval(tuple(end * to_mpa for end in self.closing_interval)),
         }
 
@@ -295,26 +296,22 @@ class Card:
             ways.append(
                 {
                     "axis": way.axis,
-                    "leak": _known(way.leak.value),
+                    "leak": finite(way.leak.value),
                     "unit": way.unit or "1",
                     "leak_interval": _interval(way.interval),
-                    "closing_pressure": _known(per_unit * way.closing.value),
+                    "closing_pressure": finite(per_unit * way.closing.value),
                     "closing_pressure_interval": _interval(closing),
-                    "parts": {part.name: _known(part.factor) for part in way.parts},
+                    "parts": {part.name: finite(part.factor) for part in way.parts},
                 }
             )
         load = {"nominal_pressure": self.mean("nominal_pressure") * to_mpa, "mean_pressure": self.mean("mean_pressure")}
         return {
             "surfaces": [surface.name for surface in self.surfaces],
-            "load": {name: _known(value) for name, value in load.items()},
+            "load": {name: finite(value) for name, value in load.items()},
             "ways": ways,
             **({"beside": [leak.plain() for leak in self.beside]} if self.beside else {}),
             **({"seal": self.seal.plain()} if self.seal is not None else {}),
         }
-
-
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _interval(ends: tuple[float, ...]) -> list[float] | None:

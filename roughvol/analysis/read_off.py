@@ -35,6 +35,7 @@ from roughvol.errors import Problem, StudyError
 from roughvol.observables.variables import LISTED
 from roughvol.store.variants import study_in
 from roughvol.study import Axis, Level, Quantity, convert, loads, read
+from roughvol.study.plain_data import finite
 from roughvol.study.values.state_kinds import REACHED
 from roughvol.study.values.units import unit_of
 from roughvol.typing import Array
@@ -300,9 +301,8 @@ def narrower(run: Dataset, answers: Sequence[Answer], *, closed: bool) -> list[s
 
     Empty without an answer within the stored loads, or if the study does not take them.
     """
-    nominal = [answer.nominal for answer in answers if answer.found]
     unit = str(run["nominal_pressure"].attrs["units"]) if "nominal_pressure" in run else ""
-    nominal = [reading for reading in nominal if reading.low < reading.high]
+    nominal = [answer.nominal for answer in answers if answer.found and answer.nominal.low < answer.nominal.high]
     found = sorted(
         {float(f"{load:.5g}") for reading in nominal for load in np.geomspace(reading.low, reading.high, AROUND)}
     )
@@ -330,35 +330,30 @@ def parts_of(answer: Answer) -> tuple[Part, ...]:
 def record(answer: Answer, unknown: str) -> dict[str, Any]:
     """Return an answer as plain data; None where a number is not known or infinite."""
     nominal = answer.nominal
-    found = {
+    found: dict[str, Any] = {
         "axis": answer.axis,
         "quantity": unknown,
-        "value": _finite(answer.value) if answer.found else None,
-        "interval": [_finite(answer.low), _finite(answer.high)],
+        "value": answer.value if answer.found else None,
+        "interval": [answer.low, answer.high],
         "unit": answer.unit,
         "closes_inside": nominal.closing,
-        "mean_pressure_steps": [_finite(end) for end in answer.between],
+        "mean_pressure_steps": answer.between,
         "errors": ["reading", *(part.name for part in parts_of(answer))],
         "surfaces": answer.surfaces,
         "leakiest": answer.surface,
     }
-    if unknown == "pressure":
-        return found
-    study = {
-        "times_the_study": _finite(answer.times) if answer.found else None,
-        "nominal_pressure_at_the_study": _finite(nominal.value) if answer.found else None,
-        "nominal_pressure_interval": [_finite(nominal.low), _finite(nominal.high)],
-    }
-    return found | study
+    if unknown != "pressure":
+        found |= {
+            "times_the_study": answer.times if answer.found else None,
+            "nominal_pressure_at_the_study": nominal.value if answer.found else None,
+            "nominal_pressure_interval": [nominal.low, nominal.high],
+        }
+    return {name: finite(value) for name, value in found.items()}
 
 
 def refuse(message: str) -> NoReturn:
     """Raise a question that has no answer."""
     raise StudyError([Problem(message)])
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _check_unknown(run: Dataset, unknown: str, pressure: float | None) -> None:
@@ -428,12 +423,9 @@ def _answer(run: Dataset, axis: str, needed: list[_Needed], unknown: str, pressu
     if unknown == "pressure":
         return Answer(axis, nominal.value, nominal.low, nominal.high, load_unit, nominal, 1.0, between, *rest)
     size, unit = _modulus(run) if unknown == "modulus" else (decides.Sq, str(run.attrs.get("length_unit", "")))
-    times, low, high = (_over(pressure, load) for load in (nominal.value, nominal.high, nominal.low))
+    at = (nominal.value, nominal.high, nominal.low)
+    times, low, high = (math.inf if load == 0.0 else pressure / load for load in at)
     return Answer(axis, size * times, size * low, size * high, unit, nominal, times, between, *rest)
-
-
-def _over(pressure: float, nominal: float) -> float:
-    return math.inf if nominal == 0.0 else pressure / nominal
 
 
 def _modulus(run: Dataset) -> tuple[float, str]:

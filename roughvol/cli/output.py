@@ -122,15 +122,9 @@ def say_numbers(
 
 def say_json(content: Mapping[str, Any]) -> None:
     """Print JSON; numbers that are not finite are null."""
-    say(json.dumps(_finite(content), indent=1, ensure_ascii=False, allow_nan=False))
+    from roughvol.study.plain_data import finite
 
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    say(json.dumps(finite(content), indent=1, ensure_ascii=False, allow_nan=False))
 
 
 def csv_text(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:

@@ -27,6 +27,7 @@ from roughvol.report.run_facts import closing
 from roughvol.report.states import P, Row, States, every_step, of_all
 from roughvol.store.variants import parts_of
 from roughvol.study import Level, Quantity, parse
+from roughvol.study.plain_data import finite
 from roughvol.study.values.state_kinds import REACHED
 
 if TYPE_CHECKING:
@@ -243,12 +244,7 @@ def _of_each_surface(states: Sequence[tuple[State, Dataset]], names: Sequence[st
 def _plain_rows(rows: Sequence[dict[str, Any]], units: dict[str, str]) -> Records:
     """Return the names of rows, their values in this order, and units."""
     names = list(dict.fromkeys(name for row in rows for name in row))
-    return Records(names, [[_plain(row.get(name)) for name in names] for row in rows], units)
-
-
-def _plain(value: Any) -> Any:
-    """Return a stored value for JSON: None for a missing one."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return Records(names, finite([[row.get(name) for name in names] for row in rows]), units)
 
 
 @dataclass(frozen=True)

@@ -119,6 +119,17 @@ def number_text(value: float) -> str:
     return f"{value:g}" if float(f"{value:g}") == value else repr(value)
 
 
+def finite(value: Any) -> Any:
+    """Return plain data for JSON: keys as text, and None in the place of a number that is not finite."""
+    if isinstance(value, Mapping):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
 def printable(text: str) -> str:
     """Return a text with escapes for characters that cannot be printed."""
     return text if text.isprintable() else repr(text)[1:-1]
