@@ -292,7 +292,6 @@ def _close_where_solved(
         load = np.where(np.isfinite(own[P][reached]), own[P][reached], load)
     ends = [end[:, np.newaxis] for end in _around(group, P, reached, places)]
     lifted = (*leak.LIFTED, "open") if leak.is_lifted(data) else ()  # the fluid may keep these open
-    closed = {}
     for name in (str(name) for name in data.data_vars if data.variables[name].dims == ("seed", "axis")):
         if name in lifted or "step" not in group.variables[name].dims or not name.startswith((*BY_LOGARITHM, *WAYS)):
             continue
@@ -301,20 +300,15 @@ def _close_where_solved(
             share = np.clip((closes - load[:, None]) / (closes - np.where(before > 0.0, *ends)), 0.0, 1.0)
         last = np.maximum(before, after)  # of the open end
         inside = np.isfinite(share) & (np.minimum(before, after) == 0.0) & (last > 0.0)
-        values = data[name].values.copy()
         shrunk = (share > 0.0).astype(float) if name.startswith(WAYS) else last * share
-        values[:count] = np.where(inside, shrunk, values[:count])
-        closed[name] = (("seed", "axis"), values, data[name].attrs)
-    data.update(closed)
+        data[name].values[:count][inside] = shrunk[inside]
 
 
 def _empty(data: Dataset, group: Dataset, alone: list[int]) -> None:
     """Leave out the numbers along the steps of recorded states before the first step."""
-    for name, variable in list(data.data_vars.items()) if alone else []:
+    for name, variable in data.data_vars.items() if alone else ():
         if variable.dtype.kind == "f" and "step" in group[name].dims:
-            values = variable.values.copy()
-            values[alone] = np.nan
-            data[name] = (variable.dims, values, variable.attrs)
+            variable.values[alone] = np.nan
 
 
 def _label(run: Run, group: Dataset, level: Level, leg: int) -> str:
@@ -390,27 +384,23 @@ def _take(data: Dataset, own: dict[str, Array], group: Dataset, reached: list[in
                 ratio = np.where(known, made[0], made[1]) / np.where(known, *starred)
             own[name] = np.full(group.sizes["seed"], np.nan)
             own[name][reached] = ratio * own[of][reached]
-    taken = {}
     for name, numbers in own.items():
-        values = data[name].values.copy()
         there = numbers[reached]
-        values[: len(reached)] = np.where(np.isfinite(there), there, values[: len(reached)])
-        taken[name] = ("seed", values, data[name].attrs)
-    data.update(taken)
+        known = np.isfinite(there)
+        data[name].values[: len(reached)][known] = there[known]
 
 
 def _close(data: Dataset, reached: int, shut: Array) -> None:
     """Give the surfaces beyond the end of a closed sweep the flow 0 along closed axes, and no other number."""
-    for name, variable in list(data.data_vars.items()):
+    zero = leak.zero_beyond(data)
+    for name, variable in data.data_vars.items():
+        beyond = variable.values[reached:]
         if variable.dtype.kind == "b":
-            data[name] = ("seed", np.where(np.arange(variable.size) < reached, variable.values, False), variable.attrs)
-        if variable.dtype.kind != "f" or "seed" not in variable.dims or str(name) in ("Sq", "Sdq"):
-            continue
-        values = variable.values.copy()
-        values[reached:] = np.nan
-        if str(name) in leak.zero_beyond(data):
-            values[reached:][shut] = 0.0
-        data[name] = (variable.dims, values, variable.attrs)
+            beyond[:] = False
+        elif variable.dtype.kind == "f" and name not in ("Sq", "Sdq"):
+            beyond[:] = np.nan
+            if name in zero:
+                beyond[shut] = 0.0
 
 
 def _leak(run: Run, part: Dataset, k: int, level: Level) -> tuple[Array, float]:

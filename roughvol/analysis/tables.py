@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from xarray import Dataset
@@ -49,6 +50,12 @@ def number(value: float, digits: int = 4) -> str:
     text = f"{value:.{digits}g}"
     plain = f"{float(text):g}" if 1.0 <= abs(value) < 1e4 else text
     return plain.replace("e-0", "e-").replace("e+0", "e")
+
+
+def range_text(counts: Sequence[int]) -> str:
+    """Return the smallest and the largest of numbers, as ``4 to 10``."""
+    low, high = min(counts), max(counts)
+    return str(low) if low == high else f"{low} to {high}"
 
 
 def rounded(value: float, low: float, high: float) -> str:

@@ -23,7 +23,7 @@ from roughvol.analysis.hysteresis import hysteresis
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run
-from roughvol.analysis.tables import Table, number
+from roughvol.analysis.tables import Table, number, range_text
 from roughvol.campaign.interpretation import BEYOND
 from roughvol.contact.kernels import KERNELS
 from roughvol.observables.variables import AXES
@@ -178,9 +178,7 @@ def _computed(run: Run) -> str:
     """Return how many surfaces of each D and m were computed, as a range where the numbers differ."""
     if "Sq" not in run.dataset:
         return str(run.seeds)
-    counts = [run.computed(D=D, m=m) for D in run.D for m in run.m]
-    low, high = min(counts), max(counts)
-    return str(low) if low == high else f"{low} to {high}"
+    return range_text([run.computed(D=D, m=m) for D in run.D for m in run.m])
 
 
 def _peak(ds: Dataset) -> float:

@@ -93,10 +93,8 @@ def window_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
     surface = fine[0]
     table = first_leg(surface.table).isel(seed=0)
     starred = f"transmissivity{'_dry' if is_lifted(surface.table) else ''}"
-    if "quadrant_flow" not in table:
-        return Part("window", math.nan, "the flows of its quadrants are not stored")
-    along = table["quadrant_flow"].sel(axis=axis).dropna("step", how="all")
-    if not along.sizes["step"]:
+    along = table["quadrant_flow"].sel(axis=axis).dropna("step", how="all") if "quadrant_flow" in table else None
+    if along is None or not along.size:
         return Part("window", math.nan, "the flows of its quadrants are not stored")
     step = table.sel(step=int(along["step"][0]))
     load, flow = float(step[load_of(table)]), float(step[starred].sel(axis=axis)) * float(step["free_volume"]) ** 3

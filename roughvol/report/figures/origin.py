@@ -9,6 +9,7 @@ from xarray import Dataset
 
 from roughvol.analysis.leak import fluid_of, is_lifted
 from roughvol.analysis.legs import first_leg
+from roughvol.analysis.tables import range_text
 from roughvol.report.figures.families import file_text, held
 from roughvol.report.figures.style import unit_of
 from roughvol.store.record_key import record_key
@@ -58,12 +59,6 @@ def _samples(D: Sequence[float], counts: Sequence[float]) -> str:
     if len(D) > 1:
         rows = [f"{row} (D = {value:g})" for row, value in zip(rows, D, strict=True)]
     return f"samples by m: {'; '.join(rows)}"
-
-
-def range_text(counts: Sequence[int]) -> str:
-    """Return the smallest and the largest of numbers, as ``4 to 10``."""
-    low, high = min(counts), max(counts)
-    return str(low) if low == high else f"{low} to {high}"
 
 
 def numbers_text(values: Sequence[float]) -> str:

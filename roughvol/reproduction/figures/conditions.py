@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 from xarray import Dataset
 
+from roughvol.analysis.tables import range_text
 from roughvol.report.figures.families import families
 from roughvol.report.figures.figure import Figure
-from roughvol.report.figures.origin import numbers_text, origin, range_text, run_name
+from roughvol.report.figures.origin import numbers_text, origin, run_name
 from roughvol.report.figures.style import unit_of
 from roughvol.store.variants import study_in
 from roughvol.study import GeneratedSurface
