@@ -254,11 +254,8 @@ def _of_surfaces(tables: list[tuple[str, Dataset]], axis: str) -> list[Curve]:
         if SOLVED in surface and np.isfinite(leak).any():
             end = float(surface[SOLVED].sel(axis=axis))
             per_starred = np.nanmax(pressure) / np.nanmax(starred)
-            pressure, starred, leak = (
-                np.append(pressure, end * per_starred),
-                np.append(starred, end),
-                np.append(leak, 0.0),
-            )
+            pressure = np.append(pressure, end * per_starred)
+            starred, leak = np.append(starred, end), np.append(leak, 0.0)
         kept = np.flatnonzero(np.isfinite(leak) & (starred > 0.0))
         order = kept[np.argsort(pressure[kept], kind="stable")]
         if order.size:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
@@ -70,7 +70,7 @@ class Run:
 
     name: str
     dataset: Dataset
-    study: Study | None = field(default=None)
+    study: Study | None = None
 
     @classmethod
     def of(cls, name: str, dataset: Dataset) -> Run:
