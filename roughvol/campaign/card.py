@@ -228,7 +228,6 @@ def compute(
     jobs: int | None = None,
     fresh: bool = False,
     on_event: OnEvent = lambda progress: None,
-    stopping: Callable[[], bool] = lambda: False,
     accept: Callable[[Pressed], None] = lambda fine: None,
 ) -> CardRuns:
     """Return the runs of a card, each in a folder inside ``folder``; finished runs are read.
@@ -237,15 +236,12 @@ def compute(
     `together`, by default the load of the card alone. A coarser run or another levelling may fail: the card then says
     so. Other arguments as in `plan` and `execution.run`.
     """
-    if study.axes:
-        message = "a card shows one combination; allowed: one value in place of each list"
-        raise StudyError([Problem(f"{axis.name}: {message}") for axis in study.axes])
     planned = plan(study, at, together)
     loads = slug(" ".join(sorted({level.label for level in (at, *together)})))
 
     def pressed(grid: Planned) -> Pressed:
         inside = folder / loads / slug(grid.words or FINE)
-        results = execution.run(grid.study, jobs=jobs, fresh=fresh, out=inside, on_event=on_event, stopping=stopping)
+        results = execution.run(grid.study, jobs=jobs, fresh=fresh, out=inside, on_event=on_event)
         return Pressed(grid.words, results, grid.level)
 
     fine = pressed(planned.fine)

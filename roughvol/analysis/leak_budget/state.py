@@ -99,8 +99,6 @@ class Loaded:
     def _curve(self, axis: str) -> PchipInterpolator | None:
         table = self.loading.isel(seed=0)
         dry = "_dry" if is_lifted(self.table) else ""
-        if f"transmissivity{dry}" not in table:
-            return None
         starred = table[f"transmissivity{dry}"].sel(axis=axis).values * table["free_volume"].values ** 3
         leaks = table[f"{FLOW}{dry}"].sel(axis=axis).values if f"{FLOW}{dry}" in table else starred
         loads = table[load_of(table)].values * self.of_load
@@ -268,11 +266,8 @@ def per_starred(surface: Loaded, axis: str) -> float:
     """Return the leak of T* V*³ = 1, from the first open step; 1 without a unit, NaN without an open step."""
     if not surface.unit():
         return 1.0
-    for dry in ("", "_dry"):
-        names = f"{FLOW}{dry}", f"transmissivity{dry}"
-        if all(name in surface.table for name in names):
-            leak, starred = (surface.table[name].sel(axis=axis).values[0] for name in names)
-            open_ = np.flatnonzero(starred > 0.0)
-            volume = surface.table["free_volume"].values[0]
-            return float(leak[open_[0]] / (starred[open_[0]] * volume[open_[0]] ** 3)) if open_.size else math.nan
-    return math.nan
+    dry = "_dry" if is_lifted(surface.table) else ""
+    leak, starred = (surface.table[f"{name}{dry}"].sel(axis=axis).values[0] for name in (FLOW, "transmissivity"))
+    open_ = np.flatnonzero(starred > 0.0)
+    volume = surface.table["free_volume"].values[0]
+    return float(leak[open_[0]] / (starred[open_[0]] * volume[open_[0]] ** 3)) if open_.size else math.nan
