@@ -10,7 +10,7 @@ import contextlib
 import functools
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,6 @@ from roughvol.errors import DatasetError
 from roughvol.report import html, markdown, terminal
 from roughvol.report.document import Cell, Document, Drawing, Section
 from roughvol.report.figures.figure import Figure
-from roughvol.report.figures.registry import FIGURES
 from roughvol.report.run_facts import CLOSING, Facts, facts
 from roughvol.store import stamped_file
 
@@ -47,15 +46,15 @@ class Report:
 
     runs: tuple[Run, ...]
     own: tuple[Run, ...]
-    figures: Mapping[str, Figure] = field(default_factory=lambda: FIGURES)
-    title: str = ""
-    lead: str = LEAD
-    chips: tuple[Cell, ...] = ()
-    before: tuple[Section, ...] = ()
-    after: tuple[Section, ...] = ()
-    sources: tuple[str, ...] = ()
-    record: Mapping[str, Any] = field(default_factory=dict)
-    lines: tuple[str, ...] = ()
+    figures: Mapping[str, Figure]
+    title: str
+    lead: str
+    chips: tuple[Cell, ...]
+    before: tuple[Section, ...]
+    after: tuple[Section, ...]
+    sources: tuple[str, ...]
+    record: Mapping[str, Any]
+    lines: tuple[str, ...]
 
     @functools.cached_property
     def facts(self) -> tuple[Facts, ...]:

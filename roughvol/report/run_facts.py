@@ -34,12 +34,6 @@ from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array
 
 STATES = 24  # rows of a table of states; a longer sweep is shown at even steps, its first and last state among them
-LEVELLED = {
-    "none": "as in the file",
-    "mean": "their mean taken off",
-    "tilt": "a plane taken off",
-    "quadratic": "a quadratic taken off",
-}
 CLOSING = "Where it closes"
 BRACKET = (
     "The last way from side to side closes between the two loads, those of neighbouring states; equal loads are a "
@@ -170,8 +164,8 @@ def _known(*pairs: tuple[str, str]) -> Pairs:
 
 def _treatment(run: Run) -> str:
     """Return what was done to the heights of a file; empty where it is unknown."""
-    level = str(run.study.surface.level) if run.study and isinstance(run.study.surface, HeightFile) else ""
-    return str(run.dataset.attrs.get("surface", "")) or LEVELLED.get(level, level)
+    of_file = run.study is not None and isinstance(run.study.surface, HeightFile)
+    return str(run.dataset.attrs.get("surface", "")) or "as in the file" * of_file
 
 
 def _computed(run: Run) -> str:
