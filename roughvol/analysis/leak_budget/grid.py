@@ -93,13 +93,13 @@ def grid_part(fine: Sequence[Loaded], coarser: Grids, finer: Sequence[Finer], ax
     There is one coarser grid at least.
     """
     words = ", ".join(f"{words}: {_change(fine, surfaces, axis)}" for words, surfaces in coarser)
-    low, high = list[float](), list[float]()
+    ends = list[tuple[float, float]]()
     for (surface, coarse, *_), below in zip(same_surfaces(fine, coarser), finer, strict=True):
         fall, rise = below.of_leak
         here, change = surface.leak(axis), math.exp(OCTAVES * abs(log_ratio(surface, coarse, axis)))
-        low.append(np.nanmax([here / change, surface.leak_if(axis, -fall), 0.0]))
-        high.append(np.nanmin([here * change, surface.leak_if(axis, rise), math.inf]))
-    return part_of_surfaces("grid", fine, low, high, axis, f"{words}; {_finer_words(finer)}")
+        low = np.nanmax([here / change, surface.leak_if(axis, -fall), 0.0])
+        ends.append((low, np.nanmin([here * change, surface.leak_if(axis, rise), math.inf])))
+    return part_of_surfaces("grid", fine, ends, axis, f"{words}; {_finer_words(finer)}")
 
 
 def _change(fine: Sequence[Loaded], other: Sequence[Loaded], axis: str) -> str:

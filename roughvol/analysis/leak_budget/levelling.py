@@ -43,23 +43,21 @@ def levelling_part_of_load(levelled: Levelled, axis: str) -> Part:
 
 def levelling_part(fine: Sequence[Loaded], levelled: Levelled, axis: str) -> Part:
     """Return the part of the levelling of the leak; where the way closes on its grid, that of the closing load."""
-    low, high, logs = list[float](), list[float](), list[float]()
+    ends, logs = list[tuple[float, float]](), list[float]()
     for surface, before, after in zip(fine, levelled.before, levelled.after, strict=True):
         log = _log_of_levelling(surface, before, after, axis)
         here, change = surface.leak(axis), math.exp(abs(log))
-        ends = here / change, here * change
+        ends.append((here / change, here * change))
         if math.isnan(log) and after.closing[axis].value > 0.0 and before.closing[axis].value > 0.0:
             of_load = abs(math.log(after.closing[axis].value / before.closing[axis].value))
-            ends = surface.leak_if(axis, -of_load), surface.leak_if(axis, of_load)
-        low.append(ends[0])
-        high.append(ends[1])
+            ends[-1] = surface.leak_if(axis, -of_load), surface.leak_if(axis, of_load)
         logs.append(log)
     words, of_loads = "not known at this load", levelled.of_load(axis)
     if np.isfinite(logs).all():
         words = f"× {number(math.exp(float(np.median(logs))))}"
     elif math.isfinite(of_loads):
         words = f"closes at × {number(math.exp(of_loads))} of the load"
-    return part_of_surfaces("levelling", fine, low, high, axis, f"with {levelled.words}: {words}")
+    return part_of_surfaces("levelling", fine, ends, axis, f"with {levelled.words}: {words}")
 
 
 def _log_of_levelling(surface: Loaded, before: Loaded, after: Loaded, axis: str) -> float:

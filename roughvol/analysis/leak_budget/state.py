@@ -226,13 +226,13 @@ def same_surfaces(fine: Sequence[Loaded], others: Grids) -> Iterator[tuple[Loade
 
 
 def part_of_surfaces(
-    name: str, fine: Sequence[Loaded], low: Sequence[float], high: Sequence[float], axis: str, words: str
+    name: str, fine: Sequence[Loaded], ends: Sequence[tuple[float, float]], axis: str, words: str
 ) -> Part:
     """Return a part of the median of several leaks, from the smallest and the largest leak of each; NaN if unknown."""
     leaks = np.array([surface.leak(axis) for surface in fine])
+    known = np.where(np.isnan(ends), (0.0, math.inf), ends)
     reached = np.isfinite(leaks)
-    ends = np.where(np.isnan(low), 0.0, low), np.where(np.isnan(high), math.inf, high)
-    here, least, most = (float(np.median(values[reached])) for values in (leaks, *ends))
+    here, least, most = (float(np.median(values[reached])) for values in (leaks, *known.T))
     return Part(name, most / here, words, here / least if least > 0.0 else math.inf)
 
 

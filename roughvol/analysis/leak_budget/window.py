@@ -47,8 +47,8 @@ def window_part(fine: Sequence[Loaded], of_loads: Part, axis: str) -> Part:
     if not of_loads.known:
         return Part("window", math.inf, f"{closed}: other windows of the joint may be open")
     log = math.log(of_loads.factor)
-    low, high = ([surface.leak_if(axis, end) for surface in fine] for end in (-log, log))
-    return part_of_surfaces("window", fine, low, high, axis, f"{closed}: from the closing load, {of_loads.words}")
+    ends = [(surface.leak_if(axis, -log), surface.leak_if(axis, log)) for surface in fine]
+    return part_of_surfaces("window", fine, ends, axis, f"{closed}: from the closing load, {of_loads.words}")
 
 
 def _window_of_quadrants(surface: Loaded, axis: str) -> Part:
@@ -59,12 +59,10 @@ def _window_of_quadrants(surface: Loaded, axis: str) -> Part:
     shut = f", {np.count_nonzero(flows == 0.0)} closed" if (flows == 0.0).any() else ""
     words = f"scatter of the leaks of the quadrants of the map{shut}, {_percent()} by t, times {QUADRANTS}"
     if surface.leads and not lifted:
-        log = scatter_of_loads(
-            surface, axis, flows / flow_of(gap, axis, periodic=whole and is_periodic(surface)), surface.load
-        )
-        return part_of_surfaces(
-            "window", [surface], [surface.leak_if(axis, -log)], [surface.leak_if(axis, log)], axis, words
-        )
+        flow = flow_of(gap, axis, periodic=whole and is_periodic(surface))
+        log = scatter_of_loads(surface, axis, flows / flow, surface.load)
+        ends = surface.leak_if(axis, -log), surface.leak_if(axis, log)
+        return part_of_surfaces("window", [surface], [ends], axis, words)
     if shut:
         return Part("window", math.inf, f"{words}: other windows of the joint may be open")
     return Part("window", math.exp(QUADRANTS * _half(flows)), words)
