@@ -205,7 +205,7 @@ def ask(
     """
     from roughvol.analysis import read_off
     from roughvol.store.variants import of_one_combination, study_in
-    from roughvol.study import level, text_of_value
+    from roughvol.study import level, refused, text_of_value
 
     found = opened(run, changes)
     wanted = "" if leak_rate is None else str(text_of_value(leak_rate, "leak_rate")).lstrip("<= ")
@@ -215,7 +215,7 @@ def ask(
     results = read_off.checked(results, leaks=leak_rate is not None)
     load = None if at is None else read_off.nominal_of(results, level(at))
     if at is not None and unknown == "pressure":
-        read_off.refuse(f"the pressure is asked for; the load {level(at).label} belongs to: for modulus or Sq")
+        raise refused(f"the pressure is asked for; the load {level(at).label} belongs to: for modulus or Sq")
     largest = math.nan
     if leak_rate is not None:
         largest, wanted = _leak(wanted, str(results["leak_rate"].attrs["units"]), kelvin)
@@ -231,7 +231,7 @@ def ask(
     single = whole is None or len(whole.variants) == 1
     narrower = read_off.narrower(results, answers, closed=leak_rate is None) if single else []
     if budget and kelvin is not None:
-        read_off.refuse(f"the leak rate is {wanted!r}: the budget of the error is that of a liquid")
+        raise refused(f"the leak rate is {wanted!r}: the budget of the error is that of a liquid")
     if budget:
         answers = answered(_errors(found, answers, jobs, closed=leak_rate is None))
     return ReadOff(found, wanted, unknown, load, tuple(answers), tuple(narrower))
@@ -254,9 +254,10 @@ def _errors(run: StoredRun, answers: Sequence[Answer], jobs: int | None, *, clos
 def _card_at(run: StoredRun, load: str, jobs: int | None) -> Card:
     """Return the leak card of a run at a load of leg 1."""
     from roughvol.analysis import read_off
+    from roughvol.study import refused
 
     if not run.has_study:
-        read_off.refuse("the budget of the error takes runs of the study; allowed: a study file, or the name of a run")
+        raise refused("the budget of the error takes runs of the study; allowed: a study file, or the name of a run")
     leg = ", leg 1" if read_off.path_words(run.dataset) else ""
     folder = run.folder.with_name(f"{run.name}_card")
     cards = card(run.study, f"{load}{leg}", out=folder, jobs=jobs)
@@ -265,7 +266,7 @@ def _card_at(run: StoredRun, load: str, jobs: int | None) -> Card:
 
 def _leak(text: str, unit: str, kelvin: float | None) -> tuple[float, str]:
     """Return a leak in the unit of a run, and its text with a unit; ``kelvin`` is the temperature of a gas."""
-    from roughvol.study import convert, read, throughput
+    from roughvol.study import convert, read, refused, throughput
     from roughvol.study.values.units import unit_of
 
     try:
@@ -277,7 +278,7 @@ def _leak(text: str, unit: str, kelvin: float | None) -> tuple[float, str]:
         return float(largest), text if own else f"{text} {unit}"
     except (ValueError, StudyError) as error:
         message = f"the leak rate is {text!r}; allowed: a number with its unit, as in {unit} ({error})"
-        raise StudyError([Problem(message)]) from error
+        raise refused(message) from error
 
 
 def creep(
@@ -346,7 +347,7 @@ def creep(
     from roughvol.analysis import creep as over_time
     from roughvol.analysis import read_off
     from roughvol.store.variants import of_one_combination
-    from roughvol.study import level, load_creep, read_times
+    from roughvol.study import level, load_creep, read_times, refused
 
     found = opened(run, changes)
     results = of_one_combination(found.dataset)
@@ -359,7 +360,7 @@ def creep(
     if not budget:
         return history
     if of_gas:
-        read_off.refuse("the leak is that of a gas: the budget of the error is that of a liquid")
+        raise refused("the leak is that of a gas: the budget of the error is that of a liquid")
     loads = over_time.loads_of_cards(history)
     cards = {load: _card_at(found, f"pressure={load:.5g} {history.pressure_unit}", jobs) for load in loads}
     return over_time.with_errors(history, cards)

@@ -27,11 +27,11 @@ from xarray import Dataset
 from roughvol.analysis.average import average
 from roughvol.analysis.leak_card import Card
 from roughvol.analysis.leak_curve import Curve, curves, surfaces
-from roughvol.analysis.read_off import checked, errors_of, refuse, seal_words
+from roughvol.analysis.read_off import checked, errors_of, seal_words
 from roughvol.analysis.tables import Table, number, rounded
 from roughvol.observables.at_state import at_state
 from roughvol.store import stamped_file
-from roughvol.study import Creep, loads
+from roughvol.study import Creep, loads, refused
 from roughvol.study.plain_data import finite
 from roughvol.study.values.state_kinds import REACHED
 from roughvol.typing import Array
@@ -131,12 +131,12 @@ def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float])
     """
     run = checked(run)
     if "plastic_volume" in run:
-        refuse("the surface yields: the theory of Lee and Radok holds for elastic contact alone")
+        raise refused("the surface yields: the theory of Lee and Radok holds for elastic contact alone")
     if "contact_area_fraction" not in run:
-        refuse("contact_area_fraction is not in the dataset: it shows whether the theory of Lee and Radok holds")
+        raise refused("contact_area_fraction is not in the dataset: it shows whether the theory of Lee and Radok holds")
     pressed = [surface for _, surface in surfaces(run)]
     if any(np.any(np.diff(surface["contact_area_fraction"].values) < -1e-12) for surface in pressed):
-        refuse("the contact area falls along the stored sweep: the theory of Lee and Radok does not hold")
+        raise refused("the contact area falls along the stored sweep: the theory of Lee and Radok does not hold")
     material = loads(str(run.attrs["study"]), stored=True).material
     ratio = np.array([law.ratio(time, material) for time in seconds])
     equivalent = pressure * ratio
@@ -210,7 +210,7 @@ def _within_reach(
     """Refuse times whose states lie beyond the stored sweep of a surface with an open way."""
     low, high = max(curve.begins for curve in curves_of), min(curve.ends for curve in curves_of)
     if equivalent[0] < low * (1.0 - REACHED):
-        refuse(
+        raise refused(
             f"at {seconds[0]:.4g} s the state is that of {equivalent[0]:.4g} {unit}; the leak is known from "
             f"{low:.4g} {unit} on: give more steps at low load, and record the flow at every step"
         )
@@ -218,7 +218,7 @@ def _within_reach(
     if late.size:
         k = int(late[0])
         until = f"reached up to {seconds[k - 1]:.4g} s" if k else "reached at no time"
-        refuse(
+        raise refused(
             f"at {seconds[k]:.4g} s the state is that of {equivalent[k]:.4g} {unit} (p = {pressure:.4g} {unit}, "
             f"J(t)/J(0) = {equivalent[k] / pressure:.4g}); the sweep ends at {high:.4g} {unit}, {until}: press "
             "farther, or ask for less"

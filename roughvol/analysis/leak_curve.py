@@ -30,10 +30,10 @@ from roughvol.analysis.leak import with_closed
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import FEW_DRAWS, Patch, closing_of, conductance_of, is_isotropic, ratios
 from roughvol.analysis.units import sigma
-from roughvol.errors import Problem, StudyError
 from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES, LISTED
 from roughvol.store.variants import study_in
+from roughvol.study import refused
 from roughvol.study.values.state_kinds import REACHED
 from roughvol.typing import Array
 
@@ -241,7 +241,7 @@ def curves(run: Dataset) -> dict[str, list[Curve]]:
         known = [curve.surface for curve in each]
         if missing := [name for name, _ in tables if name not in known]:
             of = f" of {', '.join(missing)}" if known else ""
-            raise StudyError([Problem(f"the run has no stored leak{of} along {axis}; record the flow at every step")])
+            raise refused(f"the run has no stored leak{of} along {axis}; record the flow at every step")
     return found if patch is None else {patch.seal.flow: [_of_seal(run, tables, patch)]}
 
 
@@ -275,7 +275,7 @@ def _of_seal(run: Dataset, tables: list[tuple[str, Dataset]], patch: Patch) -> C
     if low > high * (1.0 + REACHED):
         unit = run["nominal_pressure"].attrs["units"]
         message = f"the leaks of all surfaces are known from {low:.4g} {unit}, and up to {high:.4g} {unit}"
-        raise StudyError([Problem(f"{message}: a seal needs one load; record the flow at every step")])
+        raise refused(f"{message}: a seal needs one load; record the flow at every step")
     longest = max(ways[patch.seal.flow], key=lambda curve: curve.pressure[-1])
     kept = (longest.pressure >= low * (1.0 - REACHED)) & (longest.pressure <= high * (1.0 + REACHED))
     steps = longest.pressure[kept]

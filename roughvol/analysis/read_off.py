@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from xarray import Dataset
@@ -31,10 +31,10 @@ from roughvol.analysis.leak_card import Card, Part
 from roughvol.analysis.leak_curve import Curve, LoadReading, axes, closings, curves, surfaces
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.units import scales, sigma
-from roughvol.errors import Problem, StudyError
+from roughvol.errors import StudyError
 from roughvol.observables.variables import LISTED
 from roughvol.store.variants import study_in
-from roughvol.study import Axis, Level, Quantity, convert, loads, read
+from roughvol.study import Axis, Level, Quantity, convert, loads, read, refused
 from roughvol.study.plain_data import finite
 from roughvol.study.values.state_kinds import REACHED
 from roughvol.study.values.units import unit_of
@@ -142,9 +142,9 @@ def ask(
     run = checked(run)
     _check_unknown(run, unknown, pressure)
     if unknown == "Sq" and not _liquid(run):
-        refuse("the leak is not that of a liquid, and does not go with Sq^3; allowed: for pressure or modulus")
+        raise refused("the leak is not that of a liquid, and does not go with Sq^3; allowed: for pressure or modulus")
     if not largest > 0.0:
-        refuse(f"the leak is {largest}; allowed: > 0; ask for a closed joint by --closed")
+        raise refused(f"the leak is {largest}; allowed: > 0; ask for a closed joint by --closed")
     at = pressure or 0.0
 
     def log_wanted(log_pressures: Array) -> Array:
@@ -187,7 +187,7 @@ def ask_closed(
     _check_unknown(run, unknown, pressure)
     run = derived(run, study_in(run))
     if not leak.ways(run):
-        refuse("the run does not follow its ways: add record.transport: {percolation: every-step} to its study")
+        raise refused("the run does not follow its ways: add record.transport: {percolation: every-step} to its study")
     return [_answer(run, axis, _closing(run, axis, errors), unknown, pressure or 0.0) for axis in axes(run)]
 
 
@@ -198,25 +198,25 @@ def checked(run: Dataset, *, leaks: bool = True) -> Dataset:
     Leak rates and pressures are needed with ``leaks`` alone. A run without steps is refused as well.
     """
     if leak.is_lifted(run):
-        refuse(
+        raise refused(
             "record.fluid_pressure lifts the gap: the leak under fluid pressure is known at recorded states alone "
             f"({_recorded(run)}), and is not read off between states; roughvol show has it. More states: "
             "record.fluid_pressure.at, as {pressure: [0.1 MPa, 0.2 MPa]}"
         )
     if "mean_pressure" not in run:
-        refuse("the run has no state: nothing was pressed")
+        raise refused("the run has no state: nothing was pressed")
     if leaks and "leak_rate" not in run:
-        refuse("the run has no leak rates: record dimensional.leak_rate")
+        raise refused("the run has no leak rates: record dimensional.leak_rate")
     several = [dim for dim in ONE_OF_EACH if run.sizes.get(dim, 1) > 1]
     if several:
         name, study = several[0], study_in(run)
         axis = next((listed for listed in (study.axes if study else ()) if listed.name == name), Axis(name, ()))
         held = ", ".join(axis.words(value).removeprefix(f"{name} = ") for value in run[name].values.tolist())
-        refuse(f"the run has several {name} ({held}); allowed: surfaces of one kind at one value of each key")
+        raise refused(f"the run has several {name} ({held}); allowed: surfaces of one kind at one value of each key")
     if (nominal := nominal_pressure(run, study_in(run))) is not None:
         run = run.assign(nominal_pressure=nominal)
     elif leaks:
-        refuse("the run needs pressures with units: give material a unit, as E: 10 MPa")
+        raise refused("the run needs pressures with units: give material a unit, as E: 10 MPa")
     return run
 
 
@@ -235,11 +235,11 @@ def of_gas(run: Dataset, unknown: str) -> tuple[Dataset, float]:
     """
     run = checked(run, leaks=False)
     if "gas_leak_rate" not in run:
-        refuse("the run has no leak of a gas: record transport.gas_flow and dimensional.gas_leak_rate")
+        raise refused("the run has no leak of a gas: record transport.gas_flow and dimensional.gas_leak_rate")
     if "gas_transmissivity" not in run:
-        refuse("the run has no leak of a gas: no state of record.transport.gas_flow was reached")
+        raise refused("the run has no leak of a gas: no state of record.transport.gas_flow was reached")
     if unknown == "Sq":
-        refuse("the leak of a gas depends on its mean free path over Sq; allowed: for pressure, modulus")
+        raise refused("the leak of a gas depends on its mean free path over Sq; allowed: for pressure, modulus")
     gas = {name: run[f"gas_{name}"] for name in ("leak_rate", "transmissivity")}
     return run.assign(gas), float(run["gas_leak_rate"].attrs["temperature_K"])
 
@@ -250,11 +250,12 @@ def nominal_of(run: Dataset, level: Level) -> float:
     Refused are other states and legs, and a load that is another nominal pressure on each surface.
     """
     if level.leg not in (None, 1) or (level.kind == "last" and level.leg is None and path_words(run)):
-        refuse(f"{level.label}: read-offs are from leg 1, the first loading; allowed: loads there, as 'last, leg 1'")
+        message = "read-offs are from leg 1, the first loading; allowed: loads there, as 'last, leg 1'"
+        raise refused(f"{level.label}: {message}")
     if level.kind not in ("pressure", "load", "last"):
-        refuse(f"{level.label}: allowed: a load, as pressure=0.5MPa, load=20N or last")
+        raise refused(f"{level.label}: allowed: a load, as pressure=0.5MPa, load=20N or last")
     if "nominal_pressure" not in run:
-        refuse(f"{level.label}: the run needs pressures with units: give material a unit, as E: 10 MPa")
+        raise refused(f"{level.label}: the run needs pressures with units: give material a unit, as E: 10 MPa")
     if level.kind == "pressure" and isinstance(level.value, Quantity):
         return convert(float(level.value), level.value.unit, str(run["nominal_pressure"].attrs["units"]))
     check_load(Run.of("", run).study, level)
@@ -266,10 +267,10 @@ def nominal_of(run: Dataset, level: Level) -> float:
         try:
             starred = scales(Run.of("", run), surface.expand_dims("seed"))[0].starred(level.kind, level.value)[1]
         except ValueError as error:
-            refuse(f"{level.label}: {error}")
+            raise refused(f"{level.label}: {error}") from error
         found.append(starred * float((surface["nominal_pressure"] / surface["mean_pressure"]).max()))
     if max(found) - min(found) > REACHED * max(found):
-        refuse(f"{level.label}: another pressure on each surface; allowed: a pressure with its unit, as 0.5MPa")
+        raise refused(f"{level.label}: another pressure on each surface; allowed: a pressure with its unit, as 0.5MPa")
     return float(np.mean(found))
 
 
@@ -351,18 +352,13 @@ def record(answer: Answer, unknown: str) -> dict[str, Any]:
     return {name: finite(value) for name, value in found.items()}
 
 
-def refuse(message: str) -> NoReturn:
-    """Raise a question that has no answer."""
-    raise StudyError([Problem(message)])
-
-
 def _check_unknown(run: Dataset, unknown: str, pressure: float | None) -> None:
     if unknown not in UNKNOWNS:
-        refuse(f"unknown is {unknown!r}; allowed: {', '.join(UNKNOWNS)}")
+        raise refused(f"unknown is {unknown!r}; allowed: {', '.join(UNKNOWNS)}")
     if unknown != "pressure" and "plastic_volume" in run:
-        refuse("pressures end at a hardness, so numbers do not depend on p* alone; allowed: for pressure")
+        raise refused("pressures end at a hardness, so numbers do not depend on p* alone; allowed: for pressure")
     if unknown != "pressure" and not (pressure is not None and pressure > 0.0):
-        refuse(f"for {unknown} the pressure must be given, > 0")
+        raise refused(f"for {unknown} the pressure must be given, > 0")
 
 
 def _recorded(run: Dataset) -> str:
@@ -413,7 +409,7 @@ def _closing_with_errors(span: Span, errors: Errors) -> LoadReading:
 def _answer(run: Dataset, axis: str, needed: list[_Needed], unknown: str, pressure: float) -> Answer:
     """Return the answer of the surface that needs the largest load."""
     if not needed:
-        refuse(f"the run has no stored leak along {axis}")
+        raise refused(f"the run has no stored leak along {axis}")
     decides = max(needed, key=lambda surface: (surface.load.value, surface.load.low, surface.load.high))
     low, high = (max(getattr(surface.load, end) for surface in needed) for end in ("low", "high"))
     nominal = LoadReading(decides.load.value, low, high, decides.load.closing)

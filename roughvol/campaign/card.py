@@ -17,7 +17,7 @@ from roughvol.campaign.batch import OnEvent
 from roughvol.campaign.case_surface import surface_of
 from roughvol.errors import CampaignError, Problem, StudyError
 from roughvol.store.card_runs import CardRuns, Pressed
-from roughvol.study import HeightFile, Level, Quantity, Region, Seal, Study
+from roughvol.study import HeightFile, Level, Quantity, Region, Seal, Study, refused
 
 FINE = "finest grid"
 COARSER = {2: "twice the spacing", 4: "four times the spacing"}
@@ -120,13 +120,13 @@ def _recordable(study: Study, at: Level) -> Level:
     legs = study.sweep.legs
     if at.leg is not None and at.leg > len(legs):
         message = f"--at {at.label}: the sweep has no leg {at.leg}; allowed: 1 to {len(legs)}"
-        raise StudyError([Problem(message)])
+        raise refused(message)
     if at.kind.startswith("leak_rate"):
         message = f'--at {at.label} is a leak rate: roughvol ask --leak-rate "{at.value}" finds its pressure'
-        raise StudyError([Problem(message)])
+        raise refused(message)
     if at.kind == "step":
         message = f"--at {at.label}: each grid has another load at a step; allowed: last, or a load as pressure=0.3"
-        raise StudyError([Problem(message)])
+        raise refused(message)
     if at.kind == "last" and at.leg is not None:
         return Level("last") if at.leg == len(legs) else Level("step", sum(leg.steps for leg in legs[: at.leg]))
     return at if len(legs) > 1 else replace(at, leg=None)

@@ -41,7 +41,7 @@ from roughvol.observables.variables import DTYPES
 from roughvol.store import provenance, small_file
 from roughvol.store.dataset import Dataset
 from roughvol.store.tradeoff_variables import EACH, QUANTITIES, RUNG, RUNG_VARIABLES, TABLE
-from roughvol.study import Case, Study
+from roughvol.study import Case, Study, refused
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array, Mask
 
@@ -95,7 +95,7 @@ def surfaces_of(study: Study) -> tuple[Case, ...]:
     sweep = cases[0].sweep
     if cases[0].plastic or len(sweep.legs) > 1 or sweep.legs[0].listed or sweep.has_units:
         message = "a trade-off is measured on one elastic sweep; allowed: no list of legs or states, no hardness that "
-        raise StudyError([Problem(f"{message}acts, an end without a unit")])
+        raise refused(f"{message}acts, an end without a unit")
     if cases[0].endless:
         message = f"given {cases[0].sides}; allowed: free, the ladders of m and kernel are of a free patch"
         raise StudyError([Problem(message, "surface.sides")])
