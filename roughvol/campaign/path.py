@@ -126,10 +126,7 @@ class Path:
             message = f"p* = {goal.value:.6g} is not reached: pressures end at the hardness, p* = {largest:.6g}"
             raise ContactError(message)
         if not states:
-            trials = Trials(surface, self._half_space, options)
-            if target.kind == "free_volume" or target.kind.startswith("leak_rate"):
-                self._check_touch(target, goal, trials)
-            return state_crossing(trials, goal, trials.untouched).approach
+            return self._from_touch(target, goal)
         last, before = states[-1], states[-2]["indentation"] if len(states) > 1 else -np.inf
         trials = Trials(surface, self._half_space, options, after=last)
         start = trials.known(last, so_far.residual)
@@ -147,10 +144,7 @@ class Path:
         case, surface, half_space = self._case, self._surface, self._half_space
         in_region = case.record.region is not None and target.kind in ("contact_area", "pressure", "free_volume")
         if in_region or target.kind.startswith("leak_rate"):
-            trials = Trials(surface, half_space, self._options)
-            goal = target_of(target, case, surface)
-            self._check_touch(target, goal, trials)
-            return state_crossing(trials, goal, trials.untouched).approach
+            return self._from_touch(target, target_of(target, case, surface))
         if target.kind == "free_volume":
             check_touch(target, case, surface, Trials(surface, half_space, self._options).untouched)
         solver = case.solver
@@ -165,13 +159,15 @@ class Path:
             kind, value = "free_volume", value if kind == "separation" else _plane(Level("separation", value), surface)
         return indentation_for(surface, half_space, kind, value, options)
 
-    def _check_touch(self, target: Level, goal: Target, trials: Trials) -> None:
-        """Refuse a target of the first leg that lies before first touch."""
+    def _from_touch(self, target: Level, goal: Target) -> float:
+        """Return Δ/σ at a state on the way from first touch; a target that lies before is refused."""
+        trials = Trials(self._surface, self._half_space, self._options)
         if target.kind == "free_volume":
             check_touch(target, self._case, self._surface, trials.untouched)
         elif goal.reached(trials.untouched):
             message = f"{target.label} lies before the first touch; allowed: below the leak rate of the first touch"
             raise ContactError(message)
+        return state_crossing(trials, goal, trials.untouched).approach
 
 
 def last_indentation(case: Case, surface: Surface, half_space: Compliance) -> float:
