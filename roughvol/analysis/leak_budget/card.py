@@ -166,7 +166,7 @@ def _of_quadrants(surface: Loaded) -> Array:
     """Return the leaks that the quadrants of a map would have as the map, shape (4, 2)."""
     leaks = []
     for axis in AXES:
-        gap, _ = gap_of(surface, axis, lifted=is_lifted(surface.table))
+        gap, _ = gap_of(surface.fields, surface.recorded, axis)
         flows = [flow_of(part, axis) for part in quarters(gap)] if gap.size else [0.0] * 4
         leaks.append(np.array(flows) * per_starred(surface, axis) if any(flows) else np.zeros(4))
     return np.stack(leaks, axis=1)

@@ -36,7 +36,7 @@ def solver_part(fine: Sequence[Loaded], axis: str) -> Part:
         leak = surface.leak(axis)
         if not math.isfinite(leak):
             continue
-        smaller, middle, larger = _flows(surface, axis, lifted=lifted)
+        smaller, middle, larger = _flows(surface, axis)
         low.append(leak * smaller / middle if middle else 0.0)
         high.append(leak * larger / middle if middle else larger * per_starred(surface, axis))
     largest = max(_bound(surface, axis) for surface in fine)
@@ -71,9 +71,9 @@ def solver_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
     return Part("solver", math.sqrt(high / low) if low > 0.0 else math.inf, "between two steps of the sweep")
 
 
-def _flows(surface: Loaded, axis: str, *, lifted: bool) -> tuple[float, float, float]:
+def _flows(surface: Loaded, axis: str) -> tuple[float, float, float]:
     """Return T* V*³ with all gaps η smaller, as they are, and η larger; elements in contact may be open by η."""
-    gap, whole = gap_of(surface, axis, lifted=lifted)
+    gap, whole = gap_of(surface.fields, surface.recorded, axis)
     if gap.size == 0:  # closed before the load
         return 0.0, 0.0, math.nan
     periodic, bound, flows = whole and is_periodic(surface), _bound(surface, axis), []

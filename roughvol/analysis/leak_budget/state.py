@@ -236,12 +236,11 @@ def part_of_surfaces(
     return Part(name, most / here, words, here / least if least > 0.0 else math.inf)
 
 
-def gap_of(surface: Loaded, axis: str, *, lifted: bool) -> tuple[Array, bool]:
-    """Return the gap over σ at the recorded state, in the region, and whether that is the whole; empty without one."""
-    if "flux" not in surface.table:  # no surface reaches the load
+def gap_of(fields: Dataset, at: str, axis: str) -> tuple[Array, bool]:
+    """Return the gap over σ at a recorded state, in the region, and whether that is the whole; empty without one."""
+    if "flux" not in fields:  # no surface reaches the load
         return np.empty((0, 0)), False
-    fields, at = surface.fields, surface.recorded
-    kept = fields["fluid_gap"].sel({STATE: at, "axis": axis}) if lifted else fields["gap"].sel(field_at=at)
+    kept = fields["fluid_gap"].sel({STATE: at, "axis": axis}) if is_lifted(fields) else fields["gap"].sel(field_at=at)
     gap, flux = (field.transpose("x", "y").values for field in (kept, fields["flux"].sel(flux_at=at, axis=axis)))
     inside, solved = np.isfinite(flux), np.isfinite(gap)
     rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))

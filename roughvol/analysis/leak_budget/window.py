@@ -53,12 +53,11 @@ def window_part(fine: Sequence[Loaded], of_loads: Part, axis: str) -> Part:
 
 def _window_of_quadrants(surface: Loaded, axis: str) -> Part:
     """Return the part of the window of the leak of the only surface."""
-    lifted = is_lifted(surface.table)
-    gap, whole = gap_of(surface, axis, lifted=lifted)
+    gap, whole = gap_of(surface.fields, surface.recorded, axis)
     flows = np.array([flow_of(part, axis) for part in quarters(gap)])
     shut = f", {np.count_nonzero(flows == 0.0)} closed" if (flows == 0.0).any() else ""
     words = f"scatter of the leaks of the quadrants of the map{shut}, {_percent()} by t, times {QUADRANTS}"
-    if surface.leads and not lifted:
+    if surface.leads and not is_lifted(surface.table):
         flow = flow_of(gap, axis, periodic=whole and is_periodic(surface))
         log = scatter_of_loads(surface, axis, flows / flow, surface.load)
         ends = surface.leak_if(axis, -log), surface.leak_if(axis, log)

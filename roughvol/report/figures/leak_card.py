@@ -14,6 +14,7 @@ from xarray import Dataset, concat
 
 from roughvol.analysis.closing import LOADS, SOLVED
 from roughvol.analysis.leak import STATE
+from roughvol.analysis.leak_budget.state import gap_of
 from roughvol.analysis.leak_card import Card, SurfaceAtLoad
 from roughvol.analysis.legs import first_leg
 from roughvol.gap.transport import conduction
@@ -179,13 +180,10 @@ def _flux_map(ax: Axes, card: Card) -> None:
     flux, gap = (state[name].transpose("x", "y").values for name in ("flux", "gap"))
     if card.lifted:
         gap = state.sel({STATE: surface.recorded})["fluid_gap"].transpose("x", "y").values
-        inside = np.isfinite(flux)
-        whole = bool(inside[np.isfinite(gap)].all())
-        rows, columns = (np.flatnonzero(inside.any(axis=other)) for other in (1, 0))
-        window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        along = conduction(gap[window], AXES.index(axis), periodic=whole and "periodic" in surface.table.attrs).flux
-        flux = np.full(gap.shape, np.nan)
-        flux[window] = np.hypot(*along)
+        inside, whole = gap_of(surface.table, surface.recorded, axis)
+        along = conduction(inside, AXES.index(axis), periodic=whole and "periodic" in surface.table.attrs).flux
+        flux = flux.copy()
+        flux[np.isfinite(flux)] = np.hypot(*along).ravel()
     mean = np.nanmean(flux)
     image = np.where(flux > 0.0, flux / mean, np.nan) if mean > 0.0 else np.full(flux.shape, np.nan)
     extent = (0.0, 1.0, 0.0, (flux.shape[1] - 1) / (flux.shape[0] - 1))
