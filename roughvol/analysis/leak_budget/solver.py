@@ -15,7 +15,6 @@ from roughvol.analysis.leak_budget.state import (
     closing_of,
     flow_of,
     gap_of,
-    is_periodic,
     leak_of,
     per_starred,
 )
@@ -73,10 +72,10 @@ def solver_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
 
 def _flows(surface: Loaded, axis: str) -> tuple[float, float, float]:
     """Return T* V*³ with all gaps η smaller, as they are, and η larger; elements in contact may be open by η."""
-    gap, whole = gap_of(surface.fields, surface.recorded, axis)
+    gap, periodic = gap_of(surface.fields, surface.recorded, axis)
     if gap.size == 0:  # closed before the load
         return 0.0, 0.0, math.nan
-    periodic, bound, flows = whole and is_periodic(surface), _bound(surface, axis), []
+    bound, flows = _bound(surface, axis), []
     for shift in (-bound, 0.0, bound):
         shifted = np.where(gap > 0.0, np.maximum(gap + shift, 0.0), max(shift, 0.0))
         flows.append(flow_of(shifted, axis, periodic=periodic))

@@ -237,28 +237,20 @@ def part_of_surfaces(
 
 
 def gap_of(fields: Dataset, at: str, axis: str) -> tuple[Array, bool]:
-    """Return the gap over σ at a recorded state, in the region, and whether that is the whole; empty without one."""
+    """Return the gap over σ at a recorded state, in the region, and whether it is periodic; empty without one."""
     if "flux" not in fields:  # no surface reaches the load
         return np.empty((0, 0)), False
     kept = fields["fluid_gap"].sel({STATE: at, "axis": axis}) if is_lifted(fields) else fields["gap"].sel(field_at=at)
     gap, flux = (field.transpose("x", "y").values for field in (kept, fields["flux"].sel(flux_at=at, axis=axis)))
-    inside, solved = np.isfinite(flux), np.isfinite(gap)
-    rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
-    if not rows.size:
-        return np.empty((0, 0)), False
-    window = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    return np.asarray(gap[window]), bool(inside[solved].all())
+    inside = np.isfinite(flux)
+    periodic = "periodic" in fields.attrs and bool(inside[np.isfinite(gap)].all())  # a region is no period
+    return gap[np.ix_(inside.any(axis=1), inside.any(axis=0))], periodic
 
 
 def flow_of(gap: Array, axis: str, *, periodic: bool = False) -> float:
     """Return T* V*³ of a gap over σ."""
     flow = conduction(gap, AXES.index(axis), periodic=periodic, accuracy=EXACT)
     return flow.coefficient * float(gap.mean()) ** 3
-
-
-def is_periodic(surface: Loaded) -> bool:
-    """Return whether a run is of periodic surfaces."""
-    return "periodic" in surface.run.dataset.attrs
 
 
 def per_starred(surface: Loaded, axis: str) -> float:

@@ -13,7 +13,6 @@ from roughvol.analysis.leak_budget.state import (
     Loaded,
     flow_of,
     gap_of,
-    is_periodic,
     part_of_surfaces,
 )
 from roughvol.analysis.leak_card import Part
@@ -53,13 +52,12 @@ def window_part(fine: Sequence[Loaded], of_loads: Part, axis: str) -> Part:
 
 def _window_of_quadrants(surface: Loaded, axis: str) -> Part:
     """Return the part of the window of the leak of the only surface."""
-    gap, whole = gap_of(surface.fields, surface.recorded, axis)
+    gap, periodic = gap_of(surface.fields, surface.recorded, axis)
     flows = np.array([flow_of(part, axis) for part in quarters(gap)])
     shut = f", {np.count_nonzero(flows == 0.0)} closed" if (flows == 0.0).any() else ""
     words = f"scatter of the leaks of the quadrants of the map{shut}, {_percent()} by t, times {QUADRANTS}"
     if surface.leads and not is_lifted(surface.table):
-        flow = flow_of(gap, axis, periodic=whole and is_periodic(surface))
-        log = scatter_of_loads(surface, axis, flows / flow, surface.load)
+        log = scatter_of_loads(surface, axis, flows / flow_of(gap, axis, periodic=periodic), surface.load)
         ends = surface.leak_if(axis, -log), surface.leak_if(axis, log)
         return part_of_surfaces("window", [surface], [ends], axis, words)
     if shut:

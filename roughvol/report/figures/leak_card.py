@@ -180,8 +180,8 @@ def _flux_map(ax: Axes, card: Card) -> None:
     flux, gap = (state[name].transpose("x", "y").values for name in ("flux", "gap"))
     if card.lifted:
         gap = state.sel({STATE: surface.recorded})["fluid_gap"].transpose("x", "y").values
-        inside, whole = gap_of(surface.table, surface.recorded, axis)
-        along = conduction(inside, AXES.index(axis), periodic=whole and "periodic" in surface.table.attrs).flux
+        inside, periodic = gap_of(surface.table, surface.recorded, axis)
+        along = conduction(inside, AXES.index(axis), periodic=periodic).flux
         flux = flux.copy()
         flux[np.isfinite(flux)] = np.hypot(*along).ravel()
     mean = np.nanmean(flux)
