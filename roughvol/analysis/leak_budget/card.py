@@ -28,7 +28,6 @@ from roughvol.analysis.leak_budget.state import (
     gap_of,
     leak_of,
     per_starred,
-    same_surfaces,
     surfaces_at_load,
 )
 from roughvol.analysis.leak_budget.window import window_part, window_part_of_load
@@ -205,7 +204,8 @@ def _way(
 ) -> Way:
     """Return the leak along one axis with its closing and its error; ``lacking`` are parts whose runs are missing."""
     leak = leak_of(fine, axis)
-    finer = [Finer.of(surface, others) for surface, *others in same_surfaces(fine, coarser)]
+    grids = [surfaces for _, surfaces in coarser]
+    finer = [Finer.of(surface, others) for surface, *others in zip(fine, *grids, strict=True)] if grids else []
     window = window_part_of_load(fine, axis)
     found = {"solver": solver_part_of_load(fine, axis), "window": window, **lacking}
     if coarser:

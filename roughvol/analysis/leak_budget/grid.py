@@ -16,7 +16,6 @@ from roughvol.analysis.leak_budget.state import (
     leak_of,
     log_ratio,
     part_of_surfaces,
-    same_surfaces,
 )
 from roughvol.analysis.leak_card import Part
 from roughvol.analysis.tables import number
@@ -34,7 +33,7 @@ NO_COARSER = "no coarser grid has enough nodes for the surface, or fills its per
 
 @dataclass(frozen=True)
 class Finer:
-    """What a grid 4 times finer may change, as logarithms; NaN without a coarser grid.
+    """What a grid 4 times finer may change, as logarithms.
 
     At one contact area the load goes with the slope. If the spectrum goes on below the map, slopes grow in each octave
     by ``growth``; if the spectrum ends at the map, they stay. The map does not show which.
@@ -50,8 +49,6 @@ class Finer:
         Slopes grow below the map as in the last octave but one, or by less as far as the last octave has less: there a
         spectrum that ends shows. Heights at points have slopes of shorter waves in their last octave as well.
         """
-        if not others:
-            return cls(math.nan, math.nan)
         closings = [(surface.closing[axis].value, others[0].closing[axis].value) for axis in AXES]
         changes = [abs(math.log(here / there)) for here, there in closings if math.isfinite(here) and there > 0.0]
         scatter = SCATTER * min(1.0, max(changes, default=ROUGH) / ROUGH)
@@ -94,7 +91,7 @@ def grid_part(fine: Sequence[Loaded], coarser: Grids, finer: Sequence[Finer], ax
     """
     words = ", ".join(f"{words}: {_change(fine, surfaces, axis)}" for words, surfaces in coarser)
     ends = list[tuple[float, float]]()
-    for (surface, coarse, *_), below in zip(same_surfaces(fine, coarser), finer, strict=True):
+    for surface, coarse, below in zip(fine, coarser[0][1], finer, strict=True):
         fall, rise = below.of_leak
         here, change = surface.leak(axis), math.exp(OCTAVES * abs(log_ratio(surface, coarse, axis)))
         low = np.nanmax([here / change, surface.leak_if(axis, -fall), 0.0])

@@ -220,11 +220,6 @@ def log_ratio(surface: Loaded, other: Loaded, axis: str) -> float:
     return math.log(there / here) if here > 0.0 and there > 0.0 else math.nan
 
 
-def same_surfaces(fine: Sequence[Loaded], others: Grids) -> Iterator[tuple[Loaded, ...]]:
-    """Yield each surface with the same surface of the other runs."""
-    yield from zip(fine, *(surfaces for _, surfaces in others), strict=True)
-
-
 def part_of_surfaces(
     name: str, fine: Sequence[Loaded], ends: Sequence[tuple[float, float]], axis: str, words: str
 ) -> Part:
