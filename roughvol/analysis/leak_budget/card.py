@@ -32,7 +32,6 @@ from roughvol.analysis.leak_budget.state import (
 )
 from roughvol.analysis.leak_budget.window import window_part, window_part_of_load
 from roughvol.analysis.leak_card import Beside, Card, Closing, Part, SealLeak, SurfaceAtLoad, Way, together
-from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import Patch
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
@@ -82,14 +81,11 @@ def card_of(runs: Sequence[CardRuns], name: str, load: str) -> Card:
     ways = tuple(_way(fine, coarser, levelled, lacking, axis) for axis in AXES)
     texts = (str(of_file.fine.dataset.attrs.get("warnings", "")) for of_file in runs)
     warnings = (line.strip() for text in texts for line in text.splitlines())
-    units = {
-        str(surface.table["nominal_pressure"].attrs["units"]) for surface in fine if "nominal_pressure" in surface.table
-    }
     return Card(
         title=name,
         load=load,
         surfaces=tuple(_surface(surface) for surface in fine),
-        pressure_unit=next(iter(units), ""),
+        pressure_unit=ways[0].closing.unit,
         length_unit=str(fine[0].run.dataset.attrs.get("length_unit", "")),
         ways=ways,
         beside=tuple(_beside(fine)),
@@ -234,7 +230,7 @@ def _at_most(fine: Sequence[Loaded], closing: Closing, axis: str) -> float:
 
 def _last_open(fine: Sequence[Loaded], axis: str) -> str:
     """Return the leak of the last open step of the only surface, where it is closed at the load."""
-    table = first_leg(fine[0].table)
+    table = fine[0].loading
     name = next((name for name in (FLOW, f"{FLOW}_dry") if name in table), "")
     if len(fine) > 1 or fine[0].leak(axis) != 0.0 or not name:
         return ""

@@ -95,12 +95,12 @@ def _bound(surface: Loaded, axis: str) -> float:
     assert study is not None
     assert study.record.fluid_pressure is not None
     state = surface.fields.sel({STATE: surface.recorded})
-    if f"{STATE}_inlet" not in state:  # no surface of the run reaches the state
-        return min(RTOL, surface.run.rtol)
-    drop = float(state[f"{STATE}_inlet"] - state[f"{STATE}_outlet"])
+    solved, drop = min(RTOL, surface.run.rtol), math.nan
+    if f"{STATE}_inlet" in state:  # a surface of the run reaches the state
+        drop = float(state[f"{STATE}_inlet"] - state[f"{STATE}_outlet"])
     if study.record.fluid_pressure.coupling == "one-way" or not math.isfinite(drop):
-        return min(RTOL, surface.run.rtol)
+        return solved
     names = ("fluid_leak_dry", "fluid_leak_one_way", "fluid_leak")
     dry, first, last = (float(state[name].sel(axis=axis)) for name in names)
     gain = max(1.0, abs((last - dry) / (first - dry))) if first != dry else 1.0
-    return min(RTOL, surface.run.rtol) + gain * ACCURACY * drop / math.pi
+    return solved + gain * ACCURACY * drop / math.pi

@@ -16,7 +16,6 @@ from roughvol.analysis.leak_budget.state import (
     part_of_surfaces,
 )
 from roughvol.analysis.leak_card import Part
-from roughvol.analysis.legs import first_leg
 from roughvol.ensemble.multilevel import COVERAGE, half_width
 from roughvol.observables.void import quarters
 from roughvol.typing import Array
@@ -31,18 +30,17 @@ def window_part(fine: Sequence[Loaded], of_loads: Part, axis: str) -> Part:
 
     Where surfaces or quadrants are closed, it is the part of the closing load.
     """
+    if len(fine) == 1:
+        return _window_of_quadrants(fine[0], axis)
     values = np.array([surface.leak(axis) for surface in fine])
     values = values[np.isfinite(values)]
-    if len(fine) > 1:
-        if values.size < 2:
-            return Part("window", math.inf, "one surface at this load: no interval of their median")
-        if (values > 0.0).all():
-            wider = OF_MEDIAN if values.size > 2 else 1.0  # the median of two is their mean
-            words = f"{_percent()} interval of the median over {values.size} surfaces, of logarithms by t"
-            return Part("window", math.exp(wider * _half(values)), words)
-        closed = f"{np.count_nonzero(values == 0.0)} of {values.size} surfaces are closed"
-    else:
-        return _window_of_quadrants(fine[0], axis)
+    if values.size < 2:
+        return Part("window", math.inf, "one surface at this load: no interval of their median")
+    if (values > 0.0).all():
+        wider = OF_MEDIAN if values.size > 2 else 1.0  # the median of two is their mean
+        words = f"{_percent()} interval of the median over {values.size} surfaces, of logarithms by t"
+        return Part("window", math.exp(wider * _half(values)), words)
+    closed = f"{np.count_nonzero(values == 0.0)} of {values.size} surfaces are closed"
     if not of_loads.known:
         return Part("window", math.inf, f"{closed}: other windows of the joint may be open")
     log = math.log(of_loads.factor)
@@ -86,7 +84,7 @@ def window_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
         words = f"{_percent()} interval of the mean over {loads.size} surfaces, of logarithms by t"
         return Part("window", math.exp(_half(loads)), words)
     surface = fine[0]
-    table = first_leg(surface.table).isel(seed=0)
+    table = surface.loading.isel(seed=0)
     starred = f"transmissivity{'_dry' if is_lifted(surface.table) else ''}"
     along = table["quadrant_flow"].sel(axis=axis).dropna("step", how="all") if "quadrant_flow" in table else None
     if along is None or not along.size:
