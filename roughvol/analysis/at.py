@@ -376,16 +376,15 @@ def _take(data: Dataset, own: dict[str, Array], group: Dataset, reached: list[in
     """Put the numbers of a recorded state in the place of those between two steps."""
     if not own or not reached:
         return
+    taken = {name: numbers[reached] for name, numbers in own.items()}
     for name, of in MADE.items():
-        if name in data and of in own:
+        if name in data and of in taken:
             made, starred = (_around(group, one, reached, places)[::-1] for one in (name, of))
             known = starred[0] != 0.0  # V* is 0 in full contact
             with np.errstate(invalid="ignore"):  # 0 at both steps
                 ratio = np.where(known, made[0], made[1]) / np.where(known, *starred)
-            own[name] = np.full(group.sizes["seed"], np.nan)
-            own[name][reached] = ratio * own[of][reached]
-    for name, numbers in own.items():
-        there = numbers[reached]
+            taken[name] = ratio * taken[of]
+    for name, there in taken.items():
         known = np.isfinite(there)
         data[name].values[: len(reached)][known] = there[known]
 
