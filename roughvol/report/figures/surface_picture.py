@@ -59,10 +59,7 @@ def write(surface: Surface | None, unit: str | None, title: str, path: Path) -> 
     """Write the picture of a surface and return its path."""
     if surface is None:
         raise DatasetError(f"{title}: too large a surface to be drawn before it is computed")
-    try:
-        look(surface, unit, title).savefig(path)
-    except ValueError as error:  # an ending that is no picture
-        raise DatasetError(f"cannot write {path}: {error}") from error
+    look(surface, unit, title).savefig(path)
     return path
 
 
