@@ -378,13 +378,8 @@ def leak_of(
     return found.times(patch.squares), parts, tuple(words)
 
 
-def surface_of(run: Dataset) -> Surface | None:
-    """Return the surface of a run with its heights; None where they are not stored."""
-    if "heights" not in run:
-        return None
-    z = run["heights"].transpose("x", "y").values
-    return Surface(
-        z,
-        float(run["L"]) / intervals(z.shape[0], periodic := "periodic" in run.attrs),
-        sides="periodic" if periodic else "free",
-    )
+def surface_of(run: Dataset) -> Surface:
+    """Return the surface of a run with stored heights."""
+    z, periodic = run["heights"].transpose("x", "y").values, "periodic" in run.attrs
+    spacing = float(run["L"]) / intervals(z.shape[0], periodic)
+    return Surface(z, spacing, sides="periodic" if periodic else "free")
