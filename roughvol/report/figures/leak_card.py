@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any, NamedTuple
 
 import matplotlib as mpl
@@ -64,7 +65,7 @@ def panels(card: Card) -> list[Panel]:
         lifted = " under fluid pressure" if card.lifted else ""
         open_ = surface.leaks[AXES.index(axis)] > 0.0
         what = f"Flux along {axis} over its mean" if open_ else f"Closed along {axis}"
-        found.append(Panel("flux", f"{what}{lifted}{name}; contact is blue.", _flux_map))
+        found.append(Panel("flux", f"{what}{lifted}{name}; contact is blue.", partial(_flux_map, surface, axis)))
     if any(way.leak.value > 0.0 and any(part.known for part in way.parts) for way in card.ways):
         found.append(Panel("budget", "Parts of the error as factors of the leak.", _budget))
     else:
@@ -171,11 +172,8 @@ def _state(surface: SurfaceAtLoad) -> Dataset:
     return surface.table.sel(field_at=surface.recorded, flux_at=surface.recorded)
 
 
-def _flux_map(ax: Axes, card: Card) -> None:
+def _flux_map(surface: SurfaceAtLoad, axis: str, ax: Axes, card: Card) -> None:
     """Draw the flux along an axis over its mean on one surface, and the contact."""
-    shown = _shown(card)
-    assert shown is not None
-    surface, axis = shown
     state = _state(surface).sel(axis=axis)
     flux, gap = (state[name].transpose("x", "y").values for name in ("flux", "gap"))
     if card.lifted:
