@@ -55,11 +55,9 @@ def spans(group: Dataset, axis: str, load: str = "") -> list[Span]:
         return []
     load = load or load_of(group)
     rows, loads = (values.transpose("seed", "step").values for values in (group[name].sel(axis=axis), group[load]))
-    found = [span_of(way, at) for way, at in zip(rows, loads, strict=True)]
-    found = [
-        Span(at, at) if math.isfinite(at) else span
-        for at, span in zip(solved_loads(group, axis, load), found, strict=True)
-    ]
+    solved = solved_loads(group, axis, load)
+    surfaces = zip(solved, rows, loads, strict=True)
+    found = [Span(end, end) if math.isfinite(end) else span_of(way, at) for end, way, at in surfaces]
     return [span for span in found if span is not None]
 
 
