@@ -73,11 +73,9 @@ def comparisons(runs: Sequence[Run]) -> Iterator[Comparison]:
 
 
 def _same_surfaces(one: Run, other: Run) -> bool:
-    if one.generated is None or other.generated is None:
-        return False
-    sizes = [(run.generated.D, run.generated.m, run.generated.seeds) for run in (one, other) if run.generated]
+    sizes = [(made.D, made.m, made.seeds) for run in (one, other) if (made := run.generated)]
     heights = [float(sigma(run.dataset).mean()) / run.L for run in (one, other)]
-    return sizes[0] == sizes[1] and bool(np.isclose(heights[0], heights[1], rtol=1e-9))
+    return len(sizes) == 2 and sizes[0] == sizes[1] and bool(np.isclose(heights[0], heights[1], rtol=1e-9))
 
 
 def _rows(elastic: Run, plastic: Run) -> Iterator[tuple[str, ...]]:
