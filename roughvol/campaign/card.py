@@ -72,9 +72,8 @@ def plan(study: Study, at: Level, together: Sequence[Level] = ()) -> Plan:
     if study.seal is not None:
         _check_seal(study, study.seal)
     levels = [_recordable(study, level) for level in (at, *together)]
-    level = levels[0]
     try:
-        fine = Planned("", _changed(study, levels, {}, fine=True), level)
+        fine = Planned("", _changed(study, levels, {}, fine=True), levels[0])
     except StudyError as error:
         raise StudyError(_of_level(error, at)) from error
     coarser: list[Planned] = []

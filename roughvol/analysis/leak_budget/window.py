@@ -22,6 +22,7 @@ from roughvol.typing import Array
 
 # standard error of the median of many normal numbers over that of their mean; of few numbers it is less
 OF_MEDIAN = math.sqrt(0.5 * math.pi)
+PERCENT = f"{100.0 * COVERAGE:.0f} %"  # of the intervals, in words
 QUADRANTS = 1.2  # quadrants of a map share its long waves: python -m tests.bench.window_coverage
 
 
@@ -38,7 +39,7 @@ def window_part(fine: Sequence[Loaded], of_loads: Part, axis: str) -> Part:
         return Part("window", math.inf, "one surface at this load: no interval of their median")
     if (values > 0.0).all():
         wider = OF_MEDIAN if values.size > 2 else 1.0  # the median of two is their mean
-        words = f"{_percent()} interval of the median over {values.size} surfaces, of logarithms by t"
+        words = f"{PERCENT} interval of the median over {values.size} surfaces, of logarithms by t"
         return Part("window", math.exp(wider * _half(values)), words)
     closed = f"{np.count_nonzero(values == 0.0)} of {values.size} surfaces are closed"
     if not of_loads.known:
@@ -53,7 +54,7 @@ def _window_of_quadrants(surface: Loaded, axis: str) -> Part:
     gap, periodic = gap_of(surface.fields, surface.recorded, axis)
     flows = np.array([flow_of(part, axis) for part in quarters(gap)])
     shut = f", {np.count_nonzero(flows == 0.0)} closed" if (flows == 0.0).any() else ""
-    words = f"scatter of the leaks of the quadrants of the map{shut}, {_percent()} by t, times {QUADRANTS}"
+    words = f"scatter of the leaks of the quadrants of the map{shut}, {PERCENT} by t, times {QUADRANTS}"
     if surface.leads and not is_lifted(surface.table):
         log = scatter_of_loads(surface, axis, flows / flow_of(gap, axis, periodic=periodic), surface.load)
         ends = surface.leak_if(axis, -log), surface.leak_if(axis, log)
@@ -81,7 +82,7 @@ def window_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
         loads = np.array([surface.closing[axis].value for surface in fine])
         if not np.isfinite(loads).all():
             return Part("window", math.inf, f"{np.count_nonzero(~np.isfinite(loads))} of {loads.size} do not close")
-        words = f"{_percent()} interval of the mean over {loads.size} surfaces, of logarithms by t"
+        words = f"{PERCENT} interval of the mean over {loads.size} surfaces, of logarithms by t"
         return Part("window", math.exp(_half(loads)), words)
     surface = fine[0]
     table = surface.loading.isel(seed=0)
@@ -95,14 +96,10 @@ def window_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
         return Part("window", math.nan, f"the map is closed at {surface.closing[axis].load(load)}")
     log = scatter_of_loads(surface, axis, along.values[0] / flow, load)
     at = f"the quadrants of the map at {surface.closing[axis].load(load)}"
-    words = f"scatter of the leaks of {at}, {_percent()} by t, times {QUADRANTS}, as loads of equal leak"
+    words = f"scatter of the leaks of {at}, {PERCENT} by t, times {QUADRANTS}, as loads of equal leak"
     return Part("window", math.exp(log), words)
 
 
 def _half(values: Array) -> float:
     """Return the half-width of the interval of the mean logarithm."""
     return float(half_width(float(np.log(values).std(ddof=1)), values.size))
-
-
-def _percent() -> str:
-    return f"{100.0 * COVERAGE:.0f} %"
