@@ -6,6 +6,7 @@ compared at its value, at ``last`` at the ends of their sweeps.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +18,8 @@ from roughvol.campaign.batch import OnEvent
 from roughvol.campaign.case_surface import surface_of
 from roughvol.errors import CampaignError, Problem, StudyError
 from roughvol.store.card_runs import CardRuns, Pressed
-from roughvol.study import HeightFile, Level, Quantity, Region, Seal, Study, refused
+from roughvol.study import HeightFile, Level, Quantity, Region, Seal, SpectralSurface, Study, refused
+from roughvol.surfaces.spectrum import moment
 
 FINE = "finest grid"
 COARSER = {2: "twice the spacing", 4: "four times the spacing"}
@@ -155,8 +157,20 @@ def _coarser(study: Study, factor: int) -> dict[str, Any] | None:
         too_short = cut_off is not None and cut_off < 2.0 * factor * finer.spacing
         return {"downsample": surface.downsample * factor} | ({"low_pass": None} if too_short else {})
     m = surface.m[0] - factor // 2
-    key, value = ("m", m) if "m" in type(surface).model_fields else ("n", 2**m)
-    return {key: value} if 2**m + 1 >= FEWEST_NODES else None
+    if 2**m + 1 < FEWEST_NODES:
+        return None
+    return _held(surface, 2**m) if isinstance(surface, SpectralSurface) else {"m": m}
+
+
+def _held(surface: SpectralSurface, n: int) -> dict[str, Any] | None:
+    """Return the keys of the waves that a grid can hold, with their amplitudes; None of a plateau alone."""
+    whole, hurst = surface.spectrum, 3.0 - surface.dimensions[0]
+    held = replace(whole, cut=min(whole.cut, n / 2.0))
+    if held.cut <= held.rolloff:
+        return None
+    name, order = ("Sq", 0) if whole.slope is None else ("slope", 2)
+    share = moment(held, hurst, order) / moment(whole, hurst, order)
+    return {"n": n, "cut": held.cut, "shortest": None, name: getattr(whole, name) * math.sqrt(share)}
 
 
 def _at_equal_pressure(study: Study, levels: Sequence[Level], keys: Mapping[str, Any], words: str) -> Planned:
