@@ -6,9 +6,7 @@ from typing import Annotated
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from roughvol.study.sections import ensemble as ensembles
-from roughvol.study.sections import surface as surfaces
-from roughvol.study.sections.ensemble import Ensemble
+from roughvol.study.sections.ensemble import Ensemble, with_default_steps
 from roughvol.study.sections.fluid import Fluid
 from roughvol.study.sections.height_file import HeightFile
 from roughvol.study.sections.material import ContactModulus, YoungPoisson, tag_material
@@ -16,7 +14,7 @@ from roughvol.study.sections.record import Record
 from roughvol.study.sections.seal import Seal
 from roughvol.study.sections.solver import Solver
 from roughvol.study.sections.strict import Strict, default, optional
-from roughvol.study.sections.surface import GeneratedSurface, SpectralSurface
+from roughvol.study.sections.surface import GeneratedSurface, SpectralSurface, tag_surface
 from roughvol.study.sections.sweep import Legs, Sweep, tag_sweep
 from roughvol.study.values.types import Word
 
@@ -32,7 +30,7 @@ class StudyFile(Strict):
         Annotated[GeneratedSurface, Tag("<generated>")]
         | Annotated[SpectralSurface, Tag("<spectrum>")]
         | Annotated[HeightFile, Tag("<file>")],
-        Discriminator(surfaces.tag_surface),
+        Discriminator(tag_surface),
     ] = Field(
         description="{D, m, L, seeds, midpoint_law} for generated surfaces, {H, n, rolloff, cut, L, seeds} for those "
         "with a spectrum, or {file, L, variable}"
@@ -56,4 +54,4 @@ class StudyFile(Strict):
 
     comment: str | None = optional("any text for readers; it changes no answer")
 
-    _steps_of_an_ensemble = model_validator(mode="before")(ensembles.with_default_steps)
+    _steps_of_an_ensemble = model_validator(mode="before")(with_default_steps)

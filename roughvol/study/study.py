@@ -20,15 +20,14 @@ from roughvol.study.former import renamed
 from roughvol.study.plain_data import KeyPath, Places, given, key_path, key_text, put, write
 from roughvol.study.python_data import plain
 from roughvol.study.rules import RULES
-from roughvol.study.sections import ensemble as ensembles
-from roughvol.study.sections import surface as surfaces
 from roughvol.study.sections.agreement import resolve
+from roughvol.study.sections.ensemble import levels_below
 from roughvol.study.sections.fluid import Gas
 from roughvol.study.sections.height_file import HeightFile
 from roughvol.study.sections.record import Record
 from roughvol.study.sections.solver import NamedKernel, Solver
 from roughvol.study.sections.strict import refuse_at
-from roughvol.study.sections.surface import GeneratedSurface, MadeSurface, SpectralSurface
+from roughvol.study.sections.surface import GeneratedSurface, MadeSurface, SpectralSurface, first_finest
 from roughvol.study.sections.sweep import Legs, Sweep
 from roughvol.study.validation import translated, validated
 
@@ -130,7 +129,7 @@ class Study(StudyFile):
         )
         levels, seeds = surface.m, surface.seeds
         if self.ensemble is not None:  # one of each resolution; the campaign decides how many more
-            levels, seeds = ensembles.levels_below(surfaces.first_finest(surface)), (self.ensemble.first_seed,)
+            levels, seeds = levels_below(first_finest(surface)), (self.ensemble.first_seed,)
         product = itertools.product(surface.dimensions, levels, seeds)
         return tuple(made.of_seed(D, m, seed) for D, m, seed in product)
 
@@ -162,12 +161,11 @@ class Study(StudyFile):
 
     def _gas(self, unit: str | None) -> Gas | None:
         """Return the gas whose flow is recorded, its mean free path in a unit of length."""
-        if not self.gas_flow:
+        if self.fluid is None or not self.gas_flow:
             return None
         if unit is None:
             message = "needs the unit of length, and the file gives none: add surface: {L: 100 um}"
             raise StudyError([Problem(message, "fluid")])
-        assert self.fluid is not None
         return self.fluid.gas_in(unit)
 
     @property
