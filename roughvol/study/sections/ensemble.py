@@ -12,7 +12,6 @@ from pydantic import (
     PlainSerializer,
     PlainValidator,
     WithJsonSchema,
-    model_serializer,
     model_validator,
 )
 
@@ -167,10 +166,6 @@ class Accuracies(Choice):
         """Names of quantities of the user."""
         return list(self.model_extra or {})
 
-    @model_serializer
-    def _plain(self) -> Any:
-        return {name: plain_form(value) for name, value in self.named.items()}
-
 
 class States(Levels):
     """The states of the means: the last step, or levels of one or more quantities."""
@@ -192,11 +187,6 @@ class Ensemble(Choice):
     )
     budget: Time | None = optional("time after which no further samples begin, as 10 min")
     first_seed: Seed = default(0, "first seed; another one gives an independent answer")
-
-    @model_serializer
-    def _plain(self) -> Any:
-        given = dict(self.named)
-        return given if self.budget is None else given | {"budget": str(self.budget)}
 
     @property
     def tolerance(self) -> float:

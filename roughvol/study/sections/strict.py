@@ -11,7 +11,6 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from roughvol.study.plain_data import KeyPath
 from roughvol.study.values.types import refuse
-from roughvol.study.values.units import text_of
 
 T = TypeVar("T")
 
@@ -79,6 +78,7 @@ class Choice(Strict):
         given = self.__dict__ | (self.model_extra or {})
         return {name: value for name, value in given.items() if value not in (None, ())}
 
-    @model_serializer
-    def _plain(self) -> Any:
-        return {name: text_of(value) for name, value in self.named.items()}
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: Any) -> Any:
+        """Write the given keys alone."""
+        return {name: value for name, value in handler(self).items() if name in self.named}

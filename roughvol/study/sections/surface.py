@@ -12,7 +12,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, mod
 
 from roughvol.study.sections.ensemble import AUTO_FROM, AUTO_TO
 from roughvol.study.sections.strict import Strict, default, nearest, optional
-from roughvol.study.values.types import WHOLE, Auto, Dimension, Many, Positive, Refinement, Seed, refuse, whole
+from roughvol.study.values.types import WHOLE, Dimension, Many, ManyOrAuto, Positive, Refinement, Seed, refuse, whole
 from roughvol.study.values.units import Length, LengthUnit, unit_of
 from roughvol.surfaces.length_units import factor
 from roughvol.surfaces.spectrum import Spectrum
@@ -110,7 +110,7 @@ class GeneratedSurface(Sized):
     """Surfaces by random midpoint displacement; every combination of D, m and seed is a case."""
 
     D: Many[Dimension] = Field(description="fractal dimension of the generated surface, 2 < D < 3; a number or a list")
-    m: Annotated[Many[Refinement], Auto()] = Field(
+    m: ManyOrAuto[Refinement] = Field(
         description="2^m + 1 nodes per side, 2^m of a period; 1 <= m <= 13; a number or a list; 'auto' for an ensemble"
     )
     L: Length = default(100.0, "lateral size, L > 0, as 100 or 100 um")
@@ -129,12 +129,6 @@ class GeneratedSurface(Sized):
         """Sq of the scaled heights in the unit of L; None if they are not scaled."""
         return None if self.Sq is None else self.in_own_unit(self.Sq)
 
-    @model_serializer(mode="wrap")
-    def _plain(self, handler: Any) -> dict[str, Any]:
-        """Write 'auto' where an ensemble chooses m."""
-        data: dict[str, Any] = handler(self)
-        return data if self.m else data | {"m": "auto"}
-
     @property
     def dimensions(self) -> tuple[float, ...]:
         """All D."""
@@ -146,7 +140,7 @@ class SpectralSurface(Sized):
 
     H: Many[Hurst] = default((), "Hurst exponent, 0 < H < 1; a number or a list")
     D: Many[Dimension] = default((), "fractal dimension instead of H, D = 3 - H, 2 < D < 3")
-    n: Annotated[Many[Nodes], Auto()] = Field(
+    n: ManyOrAuto[Nodes] = Field(
         description=f"nodes per side of the period, a power of two, {FEWEST} to {MOST}; n + 1 with the repeated edge "
         "of free and mirrored surfaces; a number or a list; 'auto' for an ensemble, with cut or shortest"
     )
@@ -175,11 +169,10 @@ class SpectralSurface(Sized):
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> dict[str, Any]:
-        """Leave out the keys that were not given and have no default; write 'auto' where an ensemble chooses n."""
-        data: dict[str, Any] = handler(self)
+        """Leave out the keys that were not given and have no default."""
         left_out = ("H", "D", "cut", "shortest", "Sq", "slope", "Ssk")
-        data = {name: value for name, value in data.items() if name not in left_out or value not in (None, (), [])}
-        return data if self.n else data | {"n": "auto"}
+        written = handler(self).items()
+        return {name: value for name, value in written if name not in left_out or value not in (None, (), [])}
 
     @property
     def dimensions(self) -> tuple[float, ...]:

@@ -25,7 +25,7 @@ from roughvol.study.plain_data import KeyPath
 from roughvol.study.sections.strict import Choice, Strict, default, optional, refuse_at
 from roughvol.study.values.state_kinds import LISTS, OF_ALL, STATE_KINDS, Level, Starred
 from roughvol.study.values.types import WHOLE, AreaFraction, Many, Positive, StepNumber, Word, as_tuple, refuse
-from roughvol.study.values.units import Flow, Gap, In, Length, Load, Position, Pressure, convert, text_of, unit_of
+from roughvol.study.values.units import Flow, Gap, In, Length, Load, Position, Pressure, in_unit, text_of, unit_of
 
 T = TypeVar("T")
 
@@ -38,10 +38,9 @@ def levels_of(quantity: str) -> Any:
 class Levels(Choice):
     """The last state, or levels of one or more quantities."""
 
-    @model_serializer
-    def _plain(self) -> Any:
-        written = {kind: [text_of(value) for value in values] for kind, values in self.named.items()}
-        return written or "last"
+    @model_serializer(mode="wrap")
+    def _plain(self, handler: Any) -> Any:
+        return super()._plain(handler) or "last"
 
     @property
     def levels(self) -> tuple[Level, ...]:
@@ -131,24 +130,20 @@ _TARGETS = (
 )
 
 
-def _misplaced(levels: Sequence[Any], *, either: bool) -> tuple[int | None, str] | None:
-    """Return the place of the first listed level out of order, and the rule it breaks; None if all are in order.
-
-    The place is None where only some levels have a unit. With ``either`` the levels may also unload.
-    """
-    values, units = [level.value for level in levels], [unit_of(level.value) for level in levels]
-    if any((unit is None) != (units[0] is None) for unit in units):
-        return None, "either all values have a unit, or none"
-    if (wanted := units[0]) is not None:
-        values = [convert(float(value), unit or wanted, wanted) for value, unit in zip(values, units, strict=True)]
-    falls = values[:2] != sorted(values[:2]) if either else STATE_KINDS[levels[0].kind].falls
+def _check_order(levels: Sequence[Any], *, either: bool) -> None:
+    """Refuse listed levels out of order, or of which only some have a unit. With ``either`` they may also unload."""
+    kind, given = STATE_KINDS[levels[0].kind], [level.value for level in levels]
+    unit = unit_of(given[0])
+    if any((unit_of(value) is None) != (unit is None) for value in given):
+        refuse_at((kind.plural,), given, "either all values have a unit, or none")
+    values = [in_unit(value, unit) for value in given]
+    falls = values[:2] != sorted(values[:2]) if either else kind.falls
+    rule = f"must {'fall' if falls else 'rise'} from value to value, as on loading; a list of legs also unloads"
+    if either:
+        rule = "must rise or fall from value to value: give each way as a leg of its own"
     for index, (one, other) in enumerate(itertools.pairwise(values), start=1):
         if not (one > other if falls else one < other):
-            if either:
-                return index, "must rise or fall from value to value: give each way as a leg of its own"
-            way = "fall" if falls else "rise"
-            return index, f"must {way} from value to value, as on loading; a list of legs also unloads"
-    return None
+            refuse_at((kind.plural, index), text_of(given[index]), rule)
 
 
 class Sweep(Strict):
@@ -194,13 +189,8 @@ class Sweep(Strict):
 
     @model_validator(mode="after")
     def _in_order(self) -> Sweep:
-        if self.listed is not None and (wrong := _misplaced(self.listed, either=isinstance(self, Leg))):
-            index, reason = wrong
-            name = next(name for name in LISTS if getattr(self, name))
-            if index is None:
-                refuse_at((name,), list(getattr(self, name)), "{reason}", reason=reason)
-            value = self.listed[index].value
-            refuse_at((name, index), text_of(value), "{reason}", reason=reason)
+        if self.listed is not None:
+            _check_order(self.listed, either=isinstance(self, Leg))
         if self.first is not None and self.equal != "log pressure":
             refuse("'first' needs equal: log pressure")
         return self
@@ -217,8 +207,7 @@ class Sweep(Strict):
     @property
     def listed(self) -> tuple[Level, ...] | None:
         """The states of the steps where they are listed; None for steps equal in indentation."""
-        given = next(((kind.name, getattr(self, name)) for name, kind in LISTS.items() if getattr(self, name)), None)
-        return None if given is None else tuple(Level(given[0], value) for value in given[1])
+        return tuple(Level(kind.name, value) for name, kind in LISTS.items() for value in getattr(self, name)) or None
 
     @property
     def goals(self) -> tuple[Level, ...]:

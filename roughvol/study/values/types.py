@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, NoReturn, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import BaseModel, BeforeValidator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, PlainSerializer
 from pydantic_core import PydanticCustomError, core_schema
 
 T = TypeVar("T")
@@ -99,7 +99,7 @@ class Word(Form):
         return inner(value)
 
 
-class Auto(Form):
+class _Auto(Form):
     """Take the word 'auto', which is read as no number at all."""
 
     def _forms(self, inner: Any) -> list[Any]:
@@ -124,3 +124,4 @@ class Switch(Form):
 
 
 Many = Annotated[tuple[T, ...], _OneOrMany()]
+ManyOrAuto = Annotated[Many[T], _Auto(), PlainSerializer(lambda given: given or "auto")]
