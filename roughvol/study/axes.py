@@ -151,8 +151,7 @@ def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> tuple[tuple[Axis
     for places in itertools.product(*(range(len(values)) for values in items.values())):
         combination = data
         for (name, values), place in zip(items.items(), places, strict=True):
-            item = values[place]
-            combination = _with(combination, AXES[name], item)
+            combination = _with(combination, AXES[name], values[place])
         try:
             made.append(read_one(combination))
         except ValidationError as error:

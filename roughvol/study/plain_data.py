@@ -161,8 +161,11 @@ def key_path(text: str) -> KeyPath:
     return path if key_text(path) == text.strip() else ()
 
 
-def put(data: Any, path: KeyPath, value: Any) -> None:
-    """Set a key of plain data; mappings on its path are made. ValueError: the path leads through another value."""
+def put(data: Any, path: KeyPath, value: Any) -> Any:
+    """Set a key of plain data, and return what holds it; mappings on its path are made.
+
+    ValueError: the path leads through another value.
+    """
     for place, key in enumerate(path):
         inside = isinstance(data, list) and isinstance(key, int) and key < len(data)
         if not inside and not (isinstance(data, dict) and isinstance(key, str)):
@@ -176,6 +179,7 @@ def put(data: Any, path: KeyPath, value: Any) -> None:
             if isinstance(data, dict) and data.get(key) is None:  # the study of a run names sections without keys
                 data[key] = {}
             data = data[key]
+    return data
 
 
 def given(data: Any) -> Any:

@@ -256,13 +256,10 @@ def set_key(data: dict[str, Any], marks: dict[KeyPath, tuple[int, int]], change:
     """
     keys, value = _key_and_value(change)
     try:
-        put(data, keys, value)
+        held = put(data, keys, value)
         section = tuple(key for key in keys[:-1] if isinstance(key, str))
         known = names(*models_of(Study).get(section, ()))
         if value is None and keys[-1] in known and not change.rstrip().endswith("="):
-            held: Any = data
-            for key in keys[:-1]:
-                held = held[key]
             del held[keys[-1]]
     except ValueError as error:
         raise StudyError([Problem(str(error), key_text(keys), file=SET)]) from error

@@ -129,14 +129,8 @@ class Fluid(Strict):
         """Dynamic viscosity at the temperature [Pa s]."""
         if isinstance(self.gas, OwnGas):
             return in_unit(self.gas.viscosity, "Pa*s")
-        substance = SUBSTANCES[self.gas]
-        ratio = self.kelvin / substance.reference
-        return (
-            substance.viscosity
-            * ratio**1.5
-            * (substance.reference + substance.sutherland)
-            / (self.kelvin + substance.sutherland)
-        )
+        viscosity, reference, constant, _ = SUBSTANCES[self.gas]
+        return viscosity * (self.kelvin / reference) ** 1.5 * (reference + constant) / (self.kelvin + constant)
 
     @property
     def molar_mass(self) -> float:
