@@ -79,6 +79,12 @@ class NotRead(DatasetError):
     """A file that one reader does not understand. Another reader may; otherwise this message is final."""
 
 
+def first_bytes(path: Path, count: int) -> bytes:
+    """Return the bytes at the start of a file."""
+    with path.open("rb") as stream:
+        return stream.read(count)
+
+
 @contextlib.contextmanager
 def reading(path: Path) -> Iterator[None]:
     """Turn any error on a damaged file into one message: libraries raise errors of all types."""

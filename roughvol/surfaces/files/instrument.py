@@ -47,16 +47,14 @@ def opened(request: Request) -> HeightMap:
     """Return the map in the file of an instrument."""
     path = request.path
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the library warns that it runs without MPI
+        with warnings.catch_warnings(action="ignore"):  # the library warns that it runs without MPI
             from SurfaceTopography import open_topography
             from SurfaceTopography.Exceptions import CannotDetectFileFormat
     except ImportError as error:
         raise NotRead(f"{path}: is read through SurfaceTopography, which is not installed: {EXTRA}") from error
     ending = path.suffix.lower().removeprefix(".")
     logging.getLogger("igor2").addHandler(SILENT)
-    with warnings.catch_warnings(), reading(path):
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"), reading(path):
         try:
             reader = request.files.enter_context(_recognised(open_topography, path, ending))
             if reader.format() in UNMARKED and ending != reader.format():
@@ -69,8 +67,7 @@ def opened(request: Request) -> HeightMap:
     def heights() -> Array:
         # The library builds no map without a size. Any size does where the file gives none.
         size = None if channel.physical_sizes is not None else tuple(map(float, channel.nb_grid_pts))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):
             values = channel.topography(physical_sizes=size).heights()
         return np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
 

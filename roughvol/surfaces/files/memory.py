@@ -75,12 +75,11 @@ def _of_data_array(heights: Any) -> tuple[Array, Text, Coordinates]:
         if coordinate.dims == (dim,) and coordinate.dtype.kind in "fiu"
     }
     if len(coordinates) == 1 and min(array.shape) > 1:
+        nodes = dict(zip(map(_name, heights.dims), array.shape, strict=True))
         ((known, (values, attributes)),) = coordinates.items()
-        ((other, nodes),) = (
-            (name, n) for name, n in zip(map(_name, heights.dims), array.shape, strict=True) if name != known
-        )
+        (other,) = nodes.keys() - {known}
         spacing = abs(values[-1] - values[0]) / (len(values) - 1)
-        coordinates[other] = (spacing * np.arange(nodes), {**attributes, "axis": ""})
+        coordinates[other] = (spacing * np.arange(nodes[other]), {**attributes, "axis": ""})
     return array, _attributes(heights.attrs) | unit, coordinates
 
 

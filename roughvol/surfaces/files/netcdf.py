@@ -27,21 +27,11 @@ _AXES = (
     re.compile(r"(?:.*_)?(?:y|lat|latitude|northing)", re.IGNORECASE),
 )
 ENDINGS = (".nc", ".nc4", ".cdf")
+CLASSIC = (b"CDF\1", b"CDF\2", b"CDF\5")  # first bytes of classic netCDF
+HDF5 = b"\x89HDF\r\n\x1a\n"  # first bytes of HDF5, and so of netCDF 4
 ONE_AT_A_TIME = RLock()  # netcdf-c crashes where two threads are in it
 _EVEN = 1e-3  # largest distance of a coordinate from its node, in spacings
 _SAME = 1e-4  # largest relative difference of a length from its coordinates
-
-
-def is_classic(path: Path) -> bool:
-    """Return whether a file starts as classic netCDF does."""
-    with path.open("rb") as stream:
-        return stream.read(4) in (b"CDF\1", b"CDF\2", b"CDF\5")
-
-
-def is_hdf5(path: Path) -> bool:
-    """Return whether a file starts as HDF5, and so netCDF 4, does."""
-    with path.open("rb") as stream:
-        return stream.read(8) == b"\x89HDF\r\n\x1a\n"
 
 
 def opened(request: Request) -> HeightMap:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from roughvol.errors import DatasetError, SurfaceError
-from roughvol.surfaces.files.description import NotRead
+from roughvol.surfaces.files.description import NotRead, first_bytes
 from roughvol.typing import Array
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?|[-+]?(?:inf|infinity)", re.IGNORECASE)
@@ -37,8 +37,7 @@ class Text:
 
 def is_text(path: Path) -> bool:
     """Return whether a file starts like text: no zero bytes and few control characters, or the mark of UTF-16."""
-    with path.open("rb") as stream:
-        start = stream.read(_HEAD)
+    start = first_bytes(path, _HEAD)
     control = sum(byte < 32 and byte not in b"\t\n\r\f\x1a" for byte in start)
     return start[:2] in (b"\xff\xfe", b"\xfe\xff") or (0 not in start and control <= len(start) // 100)
 

@@ -25,6 +25,7 @@ from roughvol.surfaces.files.description import (
     NotRead,
     Request,
     array_name,
+    first_bytes,
     map_shape,
     reading,
 )
@@ -88,7 +89,8 @@ def _by_content(request: Request) -> HeightMap:
         return _array(path, request.files.enter_context(path.open("rb")))
     if suffix == ".npz":
         return _npz(request)
-    if suffix in netcdf.ENDINGS or netcdf.is_classic(path) or (suffix == GRID and netcdf.is_hdf5(path)):
+    start = first_bytes(path, len(netcdf.HDF5))
+    if suffix in netcdf.ENDINGS or start.startswith(netcdf.CLASSIC) or (suffix == GRID and start == netcdf.HDF5):
         return netcdf.opened(request)
     if surfer.is_grid(path):
         return surfer.opened(request)

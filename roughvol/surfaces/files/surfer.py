@@ -18,7 +18,7 @@ import numpy as np
 
 from roughvol.errors import DatasetError, SurfaceError
 from roughvol.surfaces.files import plain_text
-from roughvol.surfaces.files.description import Description, HeightMap, Request
+from roughvol.surfaces.files.description import Description, HeightMap, Request, first_bytes
 from roughvol.typing import Array
 
 _HEAD_6 = struct.Struct("<4s2h6d")  # name, nodes along x and y, limits of x, y and z
@@ -28,18 +28,13 @@ _TAG_7 = struct.Struct("<4si")  # name and bytes of a section
 
 def is_grid(path: Path) -> bool:
     """Return whether a file starts with the name of a Surfer grid."""
-    return _name(path) in _KINDS
+    return first_bytes(path, 4) in _KINDS
 
 
 def opened(request: Request) -> HeightMap:
     """Return the map in a Surfer grid; binary heights are read on demand."""
     request.refuse_variable()
-    return _KINDS[_name(request.path)](request.path)
-
-
-def _name(path: Path) -> bytes:
-    with path.open("rb") as stream:
-        return stream.read(4)
+    return _KINDS[first_bytes(request.path, 4)](request.path)
 
 
 def _text(path: Path) -> HeightMap:
@@ -57,8 +52,7 @@ def _text(path: Path) -> HeightMap:
 
 
 def _six(path: Path) -> HeightMap:
-    with path.open("rb") as stream:
-        head = stream.read(_HEAD_6.size)
+    head = first_bytes(path, _HEAD_6.size)
     if len(head) < _HEAD_6.size:
         raise DatasetError(f"{path}: ends within its header")
     described = _described(path, "Surfer 6", *_HEAD_6.unpack(head)[1:7])
