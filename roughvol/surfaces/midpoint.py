@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import operator
 from collections.abc import Callable
@@ -182,12 +183,9 @@ def _deviations(D: float, m: int, law: str) -> list[float]:
     return [INITIAL_SPREAD * factor for factor in factors]
 
 
-def _integer(name: str, value: int, lowest: int, highest: int | None = None) -> int:
-    allowed = f"an integer >= {lowest}" if highest is None else f"an integer in [{lowest}, {highest}]"
-    try:
-        number = operator.index(value)
-    except TypeError as error:
-        raise SurfaceError(f"{name} must be {allowed}, got {value!r}") from error
-    if number < lowest or (highest is not None and number > highest):
-        raise SurfaceError(f"{name} must be {allowed}, got {value!r}")
-    return number
+def _integer(name: str, value: int, lowest: int, highest: float = math.inf) -> int:
+    with contextlib.suppress(TypeError):
+        if lowest <= (number := operator.index(value)) <= highest:
+            return number
+    allowed = f"an integer >= {lowest}" if highest == math.inf else f"an integer in [{lowest}, {highest}]"
+    raise SurfaceError(f"{name} must be {allowed}, got {value!r}")

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from roughvol.errors import SurfaceError
@@ -22,6 +23,7 @@ from roughvol.typing import Array, Index, Mask
 
 FEWEST_CELLS_FOR_SPECTRUM = 32  # below, the range of `hurst_spectrum` spans less than one octave
 SPECTRUM_BINS = 8
+AROUND = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], dtype=bool)  # the eight neighbours of a node
 
 
 def standardised(heights: Array) -> Array:
@@ -90,15 +92,7 @@ def summits(heights: Array) -> Mask:
 
     A plateau of equal nodes has no summit, and neither has the boundary, whose neighbourhood is not known.
     """
-    rows, columns = heights.shape
-    inner = heights[1:-1, 1:-1]
-    higher = np.ones(inner.shape, dtype=np.bool_)
-    for i in (0, 1, 2):
-        for j in (0, 1, 2):
-            if (i, j) != (1, 1):
-                higher &= inner > heights[i : rows - 2 + i, j : columns - 2 + j]
-    mask = np.zeros(heights.shape, dtype=np.bool_)
-    mask[1:-1, 1:-1] = higher
+    mask: Mask = heights > scipy.ndimage.maximum_filter(heights, footprint=AROUND, mode="constant", cval=np.inf)
     return mask
 
 
