@@ -117,10 +117,10 @@ def _answers(study: Study) -> list[dict[str, Any]]:
     found = []
     try:
         for variant in study.variants:
-            key = variant.study.cases()[0].key
+            key = json.loads(variant.study.cases()[0].key_text)
             key["surface"] = {name: value for name, value in key["surface"].items() if name not in ("D", "m", "seed")}
             del key["record"]
-            found.append(dict(json.loads(json.dumps(key))))
+            found.append(key)
     except StudyError:
         return []
     return found

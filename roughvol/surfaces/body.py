@@ -78,9 +78,7 @@ class Treatment:
     @property
     def key(self) -> dict[str, Any]:
         """The treatment as plain data."""
-        crop = None if self.crop is None else [list(pair) for pair in self.crop]
-        outliers = None if self.outliers is None else list(self.outliers)
-        return vars(self) | {"crop": crop, "outliers": outliers}
+        return dict(vars(self))
 
     @property
     def filling(self) -> Literal["nearest", "interpolate"] | None:
