@@ -5,16 +5,13 @@ macOS hold them, and the components that its licence files list. The licence of 
 else the row of `PARTS`.
 """
 
-import functools
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from importlib import metadata
 
 from roughvol.errors import DatasetError
-
-Read = Callable[[str], metadata.PackageMetadata]
 
 UNKNOWN = "unknown"
 FREE, LIMITED, STRONG = "permissive", "limited copyleft", "copyleft"
@@ -130,19 +127,18 @@ def licences() -> list[Licence]:
     """
     if not _found("roughvol"):
         raise DatasetError("roughvol is imported from a folder, and not installed; allowed: pip install roughvol")
-    read = functools.cache(metadata.metadata)  # a file of a package, read once
-    always = _reached("roughvol", "", read)
+    always = _reached("roughvol", "")
     extras = {
         extra: found
-        for extra in read("roughvol").get_all("Provides-Extra") or ()
-        if all(map(_found, _direct("roughvol", extra, read))) and (found := _reached("roughvol", extra, read))
+        for extra in metadata.metadata("roughvol").get_all("Provides-Extra") or ()
+        if all(map(_found, _direct("roughvol", extra))) and (found := _reached("roughvol", extra))
     }
     needed: dict[str, list[str]] = {name: ["roughvol"] for name in always}
     for extra, names in extras.items():
         for name in names:
             if name not in always:
                 needed.setdefault(name, []).append(extra)
-    rows = [_row(read(name), metadata.distribution(name), by) for name, by in needed.items()]
+    rows = [_row(metadata.distribution(name), by) for name, by in needed.items()]
     return sorted(rows, key=lambda row: (row.name != "roughvol", row.needed_by != ("roughvol",), row.name.lower()))
 
 
@@ -169,7 +165,8 @@ def _strictest(several: Iterable[str]) -> str:
     return max(several, key=RANK.index)
 
 
-def _row(words: metadata.PackageMetadata, here: metadata.Distribution, needed_by: list[str]) -> Licence:
+def _row(here: metadata.Distribution, needed_by: list[str]) -> Licence:
+    words = here.metadata
     return Licence(words["Name"], words["Version"], _licence(words), tuple(needed_by), dict(sorted(_parts(here))))
 
 
@@ -217,10 +214,10 @@ def _text(here: metadata.Distribution, path: str) -> str:
     return (here.read_text(path.partition(".dist-info/")[2]) or "").replace("\r\n", "\n")
 
 
-def _direct(name: str, extra: str, read: Read) -> dict[str, set[str]]:
+def _direct(name: str, extra: str) -> dict[str, set[str]]:
     """Return the packages that a package requires with an extra, or without for "", each with its own extras."""
     direct: dict[str, set[str]] = {}
-    for line in read(name).get_all("Requires-Dist") or ():
+    for line in metadata.metadata(name).get_all("Requires-Dist") or ():
         requirement, _, marker = line.partition(";")
         extras = _EXTRA.findall(marker)
         found = _REQUIRED.match(requirement.strip())
@@ -230,11 +227,11 @@ def _direct(name: str, extra: str, read: Read) -> dict[str, set[str]]:
     return direct
 
 
-def _reached(name: str, extra: str, read: Read) -> list[str]:
+def _reached(name: str, extra: str) -> list[str]:
     """Return the installed packages that a package needs, also through others; the package is the first."""
     waiting, seen = [(name, extra), (name, "")], {(name, extra), (name, "")}
     while waiting:
-        for other, extras in _direct(*waiting.pop(), read).items():
+        for other, extras in _direct(*waiting.pop()).items():
             new = {(other, one) for one in ("", *extras)} - seen
             if new and _found(other):  # a marker, as another system or Python, leaves a package away
                 seen |= new

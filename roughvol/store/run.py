@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import shlex
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -121,11 +122,14 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
     from roughvol.store import dataset  # xarray: a second
 
     check_type(run, (str, Path, type(None)), "a run is a name or a path")
-    given = load(run, changes) if run is not None and is_study_file(run) else None
-    files = [_latest()] if run is None else _files(run, given)
-    if run is not None and changes and given is None and is_run(run):
+    given: Study | None = None
+    if run is None:
+        files = [_latest()]
+    elif is_study_file(run) or (changes and is_run(run)):
         given, folder = study_of(run, changes)
         files = [folder / RESULTS]  # of another name, where it is changed
+    else:
+        files = [Path(run), *(folder / RESULTS for folder in _folders(run))]
     call = shlex.join([str(run), *(word for change in changes for word in ("--set", change))])
     file = next((file for file in files if _is_file(file)), None)
     if file is None:
@@ -153,9 +157,9 @@ def _set_seal(results: Dataset, given: Study) -> None:
         results.attrs["study"] = stored.changed(seal=seal).stored()
 
 
-def with_results(folder: Path = RUNS) -> list[Path]:
+def with_results() -> list[Path]:
     """Return the folders of runs that have results, by name."""
-    return [file.parent for file in sorted(folder.glob(f"*/{RESULTS}"))]
+    return [file.parent for file in sorted(RUNS.glob(f"*/{RESULTS}"))]
 
 
 def own_quantities() -> dict[str, OwnQuantity]:
@@ -176,17 +180,15 @@ def study_of(run: str | Path, changes: Sequence[str] = ()) -> tuple[Study, Path]
     current folder.
     """
     path = Path(run)
-    if not _is_file(path) or path.name == RESULTS:
-        for folder in _folders(run):
-            if _is_file(folder / "study.yaml"):
-                text = run_folder.stored_study(folder) or ""
-                source = _beside_heights(text, folder)
-                try:
-                    study = loads(text, source, of_run=True, changes=changes)
-                except StudyError as error:
-                    raise StudyError([_placed(problem, source, folder) for problem in error.problems]) from error
-                renamed = any(change.partition("=")[0].strip() == "name" for change in changes)
-                return study, run_folder.folder_of(study) if renamed else folder
+    if (not _is_file(path) or path.name == RESULTS) and (folder := folder_with_study(run)):
+        text = run_folder.stored_study(folder) or ""
+        source = _beside_heights(text, folder)
+        try:
+            study = loads(text, source, of_run=True, changes=changes)
+        except StudyError as error:
+            raise StudyError([_placed(problem, source, folder) for problem in error.problems]) from error
+        renamed = any(change.partition("=")[0].strip() == "name" for change in changes)
+        return study, run_folder.folder_of(study) if renamed else folder
     try:
         study = load(path, changes)
     except StudyError as error:
@@ -241,8 +243,8 @@ def is_study_file(run: str | Path) -> bool:
 
 def is_run(run: str | Path) -> bool:
     """Return whether a text leads to a study file, to results, or to the folder of a run."""
-    files = [*_files(run, None), *(folder / "study.yaml" for folder in _folders(run))]
-    return is_study_file(run) or any(map(_is_file, files))
+    files = (folder / name for folder in _folders(run) for name in (RESULTS, "study.yaml"))
+    return any(map(_is_file, (Path(run), *files)))
 
 
 def names_of(files: Sequence[Path]) -> list[str]:
@@ -260,13 +262,6 @@ def names_of(files: Sequence[Path]) -> list[str]:
 def _whole(file: Path) -> Path:
     """Return the path of a run: the folder of a ``study.nc``, another dataset without its suffix."""
     return file.resolve().parent if file.name == RESULTS else file.resolve().with_suffix("")
-
-
-def _files(run: str | Path, given: Study | None) -> list[Path]:
-    """Return the files that may hold the results of a study file, a path or a name."""
-    if given is not None:
-        return [run_folder.folder_of(given) / RESULTS]
-    return [Path(run), *(folder / RESULTS for folder in _folders(run))]
 
 
 def _folders(run: str | Path) -> Iterator[Path]:
@@ -394,7 +389,4 @@ def _indented(lines: Sequence[str]) -> str:
 
 
 def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # a name too long, a folder without access, a null character
-        return False
+    return os.path.isfile(path)  # noqa: PTH113, no error of a name too long, of no access, or of a null character
