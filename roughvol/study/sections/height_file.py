@@ -5,9 +5,9 @@ Sizes and units in a file are read when the cases are made, see `sections.agreem
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
 import itertools
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -83,9 +83,7 @@ def _located(value: str, info: ValidationInfo) -> str:
     path = (context.get("folder", Path()) / value).absolute()
     if path.suffix.lower() not in HEIGHT_FORMATS and importlib.util.find_spec("SurfaceTopography") is None:
         refuse(f"must end in one of {' '.join(HEIGHT_FORMATS)}; for files of instruments: pip install '{EXTRA}'")
-    exists = False
-    with contextlib.suppress(OSError, ValueError):  # a name too long, a folder without access
-        exists = path.is_file()
+    exists = os.path.isfile(path)  # noqa: PTH113, no error of a name too long or a folder without access
     if not exists and not context.get(ABSENT):
         refuse(NO_FILE, path=printable(str(path)))
     return Located(str(path), value)
