@@ -18,10 +18,9 @@ import functools
 import importlib
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import entry_points
-from types import ModuleType
 from typing import Any
 
 from roughvol.study.values.types import refuse
@@ -52,39 +51,29 @@ def offered() -> list[str]:
 
 @functools.cache
 def function_of(target: str) -> Callable[[Any], Any]:
-    """Return the function of a target, from an installed module, or a module in the current folder."""
+    """Return the function of a target, from an installed module, or a module in the current folder.
+
+    A script that ends the program where it is imported is an error of the import.
+    """
     module, _, name = target.partition(":")
-    with _current_folder():
+    sys.path.append("")  # modules of the current folder, behind installed ones
+    try:
         if name:
-            found = getattr(_imported(module), name)
+            found = getattr(importlib.import_module(module), name)
         else:
             points = list(entry_points(group=GROUP, name=target))
             if not points:
                 known = ", ".join(offered()) or "none is installed"
                 raise ImportError(f"no entry point of {GROUP}; allowed: module:function, or an entry point ({known})")
             found = points[0].load()
+    except SystemExit as error:
+        raise ImportError(f"{module} ends the program when it is imported: {error}") from error
+    finally:
+        sys.path.remove("")
     if not callable(found):
         raise AttributeError(f"{target} is no function")
     function: Callable[[Any], Any] = found
     return function
-
-
-def _imported(module: str) -> ModuleType:
-    """Return a module; a script that ends the program where it is imported is an error of the import."""
-    try:
-        return importlib.import_module(module)
-    except SystemExit as error:
-        raise ImportError(f"{module} ends the program when it is imported: {error}") from error
-
-
-@contextlib.contextmanager
-def _current_folder() -> Iterator[None]:
-    """Let imports find modules of the current folder, behind installed ones."""
-    sys.path.append("")
-    try:
-        yield
-    finally:
-        sys.path.remove("")
 
 
 def own(value: Any) -> dict[str, OwnQuantity]:
