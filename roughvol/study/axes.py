@@ -138,14 +138,9 @@ def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> tuple[tuple[Axis
         if not values:
             refuse_at(AXES[name], values, "must have at least one item")
     if (number := math.prod(map(len, items.values()))) > MOST:
-        refuse_at(
-            AXES[max(items, key=lambda name: len(items[name]))],
-            [None],
-            "the lists of {names} make {number} combinations; allowed: at most {most}",
-            names=", ".join(".".join(AXES[name]) for name in items),
-            number=str(number),
-            most=str(MOST),
-        )
+        longest, keys = max(items, key=lambda name: len(items[name])), (".".join(AXES[name]) for name in items)
+        message = f"the lists of {', '.join(keys)} make {number} combinations; allowed: at most {MOST}"
+        refuse_at(AXES[longest], [None], message)
     made: list[S] = []
     wrong: dict[Any, InitErrorDetails] = {}
     for places in itertools.product(*(range(len(values)) for values in items.values())):

@@ -74,12 +74,8 @@ def _of_ones_own(value: Any) -> str:
 
 def _known(value: Any) -> Any:
     if isinstance(value, str) and value not in SUBSTANCES:
-        refuse(
-            "'{gas}' is no known gas; allowed: {known}, or a mapping as {own}",
-            gas=value[:40],
-            known=", ".join(SUBSTANCES),
-            own="{viscosity: 18 uPa*s, molar_mass: 29 g/mol}",
-        )
+        known = f"{', '.join(SUBSTANCES)}, or a mapping as {{viscosity: 18 uPa*s, molar_mass: 29 g/mol}}"
+        refuse("'{gas}' is no known gas; allowed: {known}", gas=value[:40], known=known)
     return value
 
 
@@ -109,9 +105,7 @@ class Fluid(Strict):
     @model_validator(mode="after")
     def _falls(self) -> Fluid:
         if self.pressures[0] * (1.0 - EQUAL) <= self.pressures[1]:
-            refuse(
-                "inlet must be above outlet, given {inlet} and {outlet}", inlet=str(self.inlet), outlet=str(self.outlet)
-            )
+            refuse(f"inlet must be above outlet, given {self.inlet} and {self.outlet}")
         return self
 
     @property
