@@ -6,14 +6,7 @@ import math
 import re
 from typing import Annotated, Any
 
-from pydantic import (
-    ConfigDict,
-    Field,
-    PlainSerializer,
-    PlainValidator,
-    WithJsonSchema,
-    model_validator,
-)
+from pydantic import ConfigDict, Field, PlainSerializer, PlainValidator, WithJsonSchema, model_validator
 
 from roughvol.study.plain_data import number_text
 from roughvol.study.sections.strict import Choice, default, optional, refuse_at

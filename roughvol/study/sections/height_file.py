@@ -29,7 +29,7 @@ from pydantic import (
 from roughvol.study.plain_data import number_text, printable
 from roughvol.study.sections.strict import Strict, default, optional, refuse_at
 from roughvol.study.sections.surface import SIDES, UNIT, Sized
-from roughvol.study.values.types import WHOLE, as_tuple, refuse, two
+from roughvol.study.values.types import AS_TUPLE, WHOLE, refuse, two
 from roughvol.study.values.units import HeightsUnit, In, Length, LengthUnit, unit_of
 from roughvol.surfaces.body import Columns, Header, Levelling, Mirror, Missing, Resampling
 from roughvol.typing import Sides
@@ -213,7 +213,7 @@ class HeightFile(Sized):
     model_config = ConfigDict(json_schema_extra=_one_or_several)
 
     file: HeightPath = Field(description=_FILE)
-    files: Annotated[tuple[WrittenPath, ...], BeforeValidator(as_tuple), WithJsonSchema(_FILES)] = default(
+    files: Annotated[tuple[WrittenPath, ...], AS_TUPLE, WithJsonSchema(_FILES)] = default(
         (),
         "instead of file: a pattern as scans/*.al3d, or a list of files, each a case of its own; all of "
         "one length and unit",

@@ -10,21 +10,12 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import (
-    BeforeValidator,
-    ConfigDict,
-    Discriminator,
-    Field,
-    RootModel,
-    Tag,
-    model_serializer,
-    model_validator,
-)
+from pydantic import ConfigDict, Discriminator, Field, RootModel, Tag, model_serializer, model_validator
 
 from roughvol.study.plain_data import KeyPath
 from roughvol.study.sections.strict import Choice, Strict, default, optional, refuse_at
 from roughvol.study.values.state_kinds import LISTS, OF_ALL, STATE_KINDS, Level, Starred
-from roughvol.study.values.types import WHOLE, AreaFraction, Many, Positive, StepNumber, Word, as_tuple, refuse
+from roughvol.study.values.types import AS_TUPLE, WHOLE, AreaFraction, Many, Positive, StepNumber, Word, refuse
 from roughvol.study.values.units import Flow, Gap, In, Length, Load, Position, Pressure, in_unit, text_of, unit_of
 
 T = TypeVar("T")
@@ -290,7 +281,7 @@ class Legs(RootModel[tuple[Leg, ...]]):
     """A path of legs, up and down."""
 
     model_config = ConfigDict(strict=True, frozen=True)
-    root: Annotated[tuple[Leg, ...], BeforeValidator(as_tuple), Field(min_length=1, max_length=100)] = Field(
+    root: Annotated[tuple[Leg, ...], AS_TUPLE, Field(min_length=1, max_length=100)] = Field(
         description="list of legs {steps, to}, each from the end of the one before"
     )
 

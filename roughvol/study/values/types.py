@@ -22,7 +22,7 @@ def whole(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def as_tuple(value: Any) -> Any:
+def _as_tuple(value: Any) -> Any:
     """Return a list as a tuple, other values unchanged."""
     return tuple(value) if isinstance(value, list) else value
 
@@ -39,6 +39,7 @@ def two(what: str) -> BeforeValidator:
 
 
 WHOLE = BeforeValidator(whole)  # behind the bounds: before them, pydantic leaves them out of the JSON schema
+AS_TUPLE = BeforeValidator(_as_tuple)
 Dimension = Annotated[float, Field(gt=2, lt=3)]
 Refinement = Annotated[int, Field(ge=1, le=13), WHOLE]
 Seed = Annotated[int, Field(ge=0, lt=2**63), WHOLE]
