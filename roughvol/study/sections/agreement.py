@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from roughvol.errors import DatasetError, SurfaceError
 from roughvol.study.plain_data import number_text
-from roughvol.study.sections.height_file import BARE_FORMATS, CounterBody, HeightFile
+from roughvol.study.sections.height_file import CounterBody, HeightFile
 from roughvol.study.sections.treatment import settled, wrong
 from roughvol.surfaces.body import Body, Treatment
 from roughvol.surfaces.length_units import METRES, factor
@@ -51,7 +51,7 @@ def resolve(surface: HeightFile) -> Measured:
         descriptions.append(_described(section, sha256, key))
         bodies.append(_body(surface, section, sha256, descriptions[-1], key))
     for description, section in zip(descriptions, surface.bodies, strict=False):
-        if surface.L is None and description and description.unsized:
+        if surface.L is None and description.unsized:
             wrong(f"missing: {section.file} does not give the length of its axes: {description.unsized}", "surface.L")
     unit = _unit(surface, descriptions, bodies)
     sides = [_sides(surface, description, unit) for description in descriptions]
@@ -59,46 +59,38 @@ def resolve(surface: HeightFile) -> Measured:
     if L is None:
         wrong(f"missing: {surface.file} does not give the length of its first axis", "surface.L")
     for description, body, side in zip(descriptions, bodies, sides, strict=True):
-        if description and side and surface.L is not None:
+        if side and surface.L is not None:
             _agrees(surface.L, unit, description, body.file, side[0], surface.periodic)
     first, other = sides[0], sides[-1]
     if first and other and any(abs(a - b) > SAME * a for a, b in zip(first, other, strict=True)):
         sizes = " and ".join(" x ".join(f"{side:.6g}" for side in pair) for pair in (first, other))
         wrong(f"the files differ in size, {sizes} {unit or ''}".rstrip(), "surface.against.file")
-
-    def shape(index: int) -> tuple[int, int]:
-        body = bodies[index]
-        return (descriptions[index] or _read(body, body.sha256, _KEYS[index], ignored=True)).shape
-
     notes = _notes(float(L), unit, descriptions, bodies)
-    own = [description.sides if description else None for description in descriptions]
-    treatment, left, ratios = settled(surface, own, shape, float(L), unit)
+    treatment, left, ratios = settled(surface, descriptions, float(L), unit)
     bodies = [replace(body, pixel_ratio=ratio) for body, ratio in zip(bodies, ratios, strict=True)]
     return Measured(left, unit, tuple(bodies), treatment, notes)
 
 
-def _body(
-    surface: HeightFile, body: HeightFile | CounterBody, sha256: str, description: Description | None, key: str
-) -> Body:
+def _body(surface: HeightFile, body: HeightFile | CounterBody, sha256: str, description: Description, key: str) -> Body:
     """Return a body with the unit of its heights, from the file or else from the study."""
     path = Path(body.file)
     given = body.heights_unit or surface.heights_unit
-    own = description.heights_unit if description else None
+    own = description.heights_unit
     if own and body.heights_unit and own != body.heights_unit:
         wrong(f"is {body.heights_unit}, but {path} has heights in {own}", f"{key}.heights_unit")
-    if description and description.unit and not own and not given:
+    if description.unit and not own and not given:
         message = f"missing: {path} has coordinates in {description.unit}, and no unit of its heights"
         wrong(message, f"{key}.heights_unit")
     mirror = body.mirror if isinstance(body, CounterBody) else "none"
-    read_as = description.read_as if description else None
+    read_as = description.read_as
     return Body(path, sha256, body.variable, own, mirror, None if own else given, body.columns, body.header, read_as)
 
 
-def _unit(surface: HeightFile, descriptions: list[Description | None], bodies: list[Body]) -> str | None:
+def _unit(surface: HeightFile, descriptions: list[Description], bodies: list[Body]) -> str | None:
     """Return the unit of all lengths: that of the study, else the first in the files."""
     if surface.length_unit:
         return surface.length_unit
-    unit = next((text.unit for text in descriptions if text and text.unit), None)
+    unit = next((text.unit for text in descriptions if text.unit), None)
     named = next((body for body in bodies if body.numbers_in), None)
     unknown = next((body for body in bodies if body.numbers_in is None), None)
     if named and unknown:
@@ -107,15 +99,15 @@ def _unit(surface: HeightFile, descriptions: list[Description | None], bodies: l
     if named and unit is None and surface.L is not None:
         heights = f"the heights of {named.file.name} are in {named.numbers_in}"
         wrong(f"has no unit, and {heights}: add the unit, as L: 100 um", "surface.L")
-    if named and unit is None and any(text and text.sides for text in descriptions):
+    if named and unit is None and any(text.sides for text in descriptions):
         message = f"missing: {named.file} has no unit of its coordinates, heights are in {named.numbers_in}"
         wrong(message, "surface.unit")
     return unit
 
 
-def _sides(surface: HeightFile, description: Description | None, unit: str | None) -> tuple[float, float] | None:
+def _sides(surface: HeightFile, description: Description, unit: str | None) -> tuple[float, float] | None:
     """Return the lengths of both axes in the unit of all lengths. A period is one pixel longer than its nodes."""
-    if description is None or description.sides is None:
+    if description.sides is None:
         return None
     x, y = description.sides
     if surface.periodic:
@@ -141,22 +133,21 @@ def _agrees(L: float, unit: str | None, description: Description, file: Path, si
     wrong(f"{message}; omit L, or give header: ignore if the file is wrong", "surface.L")
 
 
-def _notes(L: float, unit: str | None, descriptions: list[Description | None], bodies: list[Body]) -> tuple[str, ...]:
-    texts = [text for text in descriptions if text]
-    notes = [note for text in texts for note in text.notes]
+def _notes(L: float, unit: str | None, descriptions: list[Description], bodies: list[Body]) -> tuple[str, ...]:
+    notes = [note for text in descriptions for note in text.notes]
     for text, body in zip(descriptions, bodies, strict=True):
-        if text and text.counts and body.numbers_in is None:
+        if text.counts and body.numbers_in is None:
             taken = f"heights in {unit}" if unit else "heights"
             advice = "heights_unit: 0.95 nm would be the height of a count"
             notes.append(f"{body.file.name} holds counts, taken as {taken}; {advice}")
-    if any(text.counted and not text.unsized for text in texts):
+    if any(text.counted and not text.unsized for text in descriptions):
         notes.append("the coordinates in the file count nodes and have no unit: is L right?")
-    shape = texts[0].shape if texts else None
+    spacing = L / (descriptions[0].shape[0] - 1)
     if unit and L * METRES[unit] > LONGEST:
         doubt = f"longer than {LONGEST:g} m, too long for a scan of roughness: is the unit right?"
         notes.append(f"L = {L:.6g} {unit} is {doubt}")
-    if unit and shape and L / (shape[0] - 1) * METRES[unit] < FINEST:
-        notes.append(f"the spacing is {L / (shape[0] - 1):.3g} {unit}, less than an atom: is the unit right?")
+    if unit and spacing * METRES[unit] < FINEST:
+        notes.append(f"the spacing is {spacing:.3g} {unit}, less than an atom: is the unit right?")
     return tuple(notes)
 
 
@@ -168,21 +159,14 @@ def _digest(path: Path, key: str) -> str:
         wrong(f"cannot read {path}: {error.strerror}", key)
 
 
-def _described(body: HeightFile | CounterBody, sha256: str, key: str) -> Description | None:
-    """Return size and units of a file, without those the study ignores; None for a format without."""
-    if Path(body.file).suffix.lower() in BARE_FORMATS:  # no import of numpy for these
-        return None
+def _described(body: HeightFile | CounterBody, sha256: str, key: str) -> Description:
+    """Return nodes, size and units of a file, without the size and units that the study ignores."""
     ignored = body.header == "ignore"
-    description = _read(body, sha256, key, ignored=ignored)
-    return replace(description, sides=None, unit=None, heights_unit=None) if ignored else description
-
-
-def _read(body: HeightFile | CounterBody | Body, sha256: str, key: str, *, ignored: bool) -> Description:
-    """Return nodes, size and units of a file; with ``ignored`` its size and units are not read."""
     try:
-        return _description(Path(body.file), sha256, body.variable, body.columns, ignored)
+        description = _description(Path(body.file), sha256, body.variable, body.columns, ignored)
     except (DatasetError, SurfaceError) as error:
         wrong(str(error), f"{key}.file")
+    return replace(description, sides=None, unit=None, heights_unit=None) if ignored else description
 
 
 @functools.lru_cache(maxsize=64)

@@ -10,15 +10,18 @@ Lengths and shares become nodes here: equal nodes have one case id.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from roughvol.errors import Problem, StudyError
 from roughvol.study.plain_data import number_text
 from roughvol.study.sections.height_file import Crop, HeightFile
 from roughvol.study.values.units import Length, in_unit, unit_of
 from roughvol.surfaces.body import Nodes, Resampling, Treatment
+
+if TYPE_CHECKING:
+    from roughvol.surfaces.files.description import Description
 
 SQUARE = 1e-4  # relative difference of the sides of a square pixel: a tenth of a pixel over a thousand
 MOST_OBLONG = 2.0  # largest ratio of the sides of a pixel for resampling
@@ -76,28 +79,21 @@ def steps(treatment: Treatment, unit: str | None) -> list[str]:
 
 
 def settled(
-    surface: HeightFile,
-    sides: Sequence[tuple[float, float] | None],
-    shape: Callable[[int], tuple[int, int]],
-    L: float,
-    unit: str | None,
+    surface: HeightFile, descriptions: Sequence[Description], L: float, unit: str | None
 ) -> tuple[Treatment, float, list[float | None]]:
-    """Return the treatment in nodes, the remaining length, and the pixel ratio of each file.
-
-    ``sides`` are the lengths of both axes of each file in any one unit, None without; ``shape`` returns its nodes.
-    """
+    """Return the treatment in nodes, the remaining length, and the pixel ratio of each file."""
     low_pass = None if surface.low_pass is None else in_unit_of_study(surface.low_pass, unit, "surface.low_pass")
     outliers = None if surface.outliers is None else (surface.outliers.sigma, surface.outliers.window)
     plain = Treatment(surface.level, surface.missing, low_pass, outliers=outliers)
     downsample, resample = surface.downsample, surface.resample
     changed = surface.crop is not None or downsample != 1 or resample != "none"
     lattices = []
-    for index, (body, lengths) in enumerate(zip(surface.bodies, sides, strict=True)):
+    for body, description in zip(surface.bodies, descriptions, strict=True):
+        nodes, lengths = description.shape, description.sides
         if lengths is None and resample != "none":
             wrong(f"{body.file} does not give the sides of its pixels", _RESAMPLE)
         if lengths is None and not changed:
             continue
-        nodes = shape(index)
         x, y = (1.0, 1.0) if lengths is None else (length / (n - 1) for length, n in zip(lengths, nodes, strict=True))
         pixel = L / (nodes[0] if surface.periodic else nodes[0] - 1)
         lattices.append(Lattice(nodes, (pixel, pixel * (y / x))))
@@ -110,7 +106,7 @@ def settled(
         wrong(f"blocks of {downsample} x {downsample} nodes do not fill a period of {period}", "surface.downsample")
     kept = nodes_kept(surface.crop, downsample, lattices[0], unit) if changed else None
     if kept is None and downsample == 1 and resample == "none":
-        return plain, L, [None] * len(sides)  # L exactly as without a crop
+        return plain, L, [None] * len(descriptions)  # L exactly as without a crop
     left = L if surface.periodic else after(lattices[0], kept, downsample, resample).L
     treatment = replace(plain, crop=kept, downsample=downsample, resample=resample)
     return treatment, left, [lattice.ratio if resample != "none" else None for lattice in lattices]
