@@ -66,6 +66,11 @@ def test_rows_of_different_lengths_are_named() -> None:
         roughvol.press([[1.0, 2.0, 3.0], [1.0, 2.0]], L=1)
 
 
+def test_heights_of_two_nodes_are_no_surface() -> None:
+    with pytest.raises(SurfaceError, match=r"^press: argument heights: heights have shape \(2, 2\); allowed: two dim"):
+        roughvol.press([[1.0, 2.0], [2.0, 1.0]], L=1)
+
+
 def test_a_dict_is_a_study() -> None:
     ds = roughvol.run(DATA, jobs=1)
     again = roughvol.run(load_text(), out="other", jobs=1)

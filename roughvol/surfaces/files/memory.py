@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
+from roughvol.surfaces.files.description import FEWEST
 from roughvol.surfaces.files.netcdf import ONE_AT_A_TIME
 from roughvol.surfaces.length_units import named
 from roughvol.typing import Array
@@ -46,6 +47,9 @@ def write(heights: Any, folder: Path, name: str = VARIABLE) -> Path:
             raise SurfaceError("a DataFrame has labels without units; give its numbers, as .to_numpy(), and L")
         array, attributes = _numbers(heights)
         if not attributes:
+            if min(array.shape) < FEWEST:
+                message = f"heights have shape {array.shape}; allowed: two dimensions of at least {FEWEST} nodes each"
+                raise SurfaceError(message)
             path = folder / f"{name}.npy"
             np.save(path, array)
             return path
