@@ -205,7 +205,7 @@ def _changed(
     transport |= {"accuracy": given or ACCURACY, "closing": True, "transmissivity": "every-step"}
     if fine and len(study.cases()) == 1:  # the quadrants of the only surface stand for other windows
         transport["quadrants"] = {"step": [max(1, legs[0].steps // 2)]}
-    gas = study.gas_flow and fine  # the budget is that of the liquid
+    gas = study.fluid is not None and fine  # the budget is that of the liquid
     if gas:
         transport["gas_flow"] = "every-step"
     left_out = ("critical_gap",) if gas else ("critical_gap", "gas_leak_rate")

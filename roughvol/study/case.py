@@ -98,6 +98,7 @@ class Case:
     def _pressed(self) -> dict[str, Any]:
         """The part of the key that belongs to the sweep. E* and the unit of length enter where a state has a unit."""
         units = self.sweep.has_units or self.record.has_units
+        follows_leak = any(level.kind.startswith("leak_rate") for _, level in self.sweep.states())
         sized = units or self.hardness is not None or self.gas is not None
         modulus = convert(self.E_star, self.modulus_unit, "Pa") if units and self.modulus_unit else None
         return {
@@ -111,7 +112,7 @@ class Case:
             "material": {"E_star": _rounded(modulus), "hardness": _rounded(self.hardness), "plastic": self.plastic},
             "length": self.length_unit if units else None,
             "Sq": self.height if sized else None,
-            "drive": _rounded(self.drive) if self.sweep.follows_leak else None,
+            "drive": _rounded(self.drive) if follows_leak else None,
             "gas": None if self.gas is None else asdict(self.gas),
         }
 

@@ -154,14 +154,9 @@ class Study(StudyFile):
         """Return the kernel of the material if it has a length, else of the solver; its lengths are in ``unit``."""
         return self.material.kernel(self.solver.kernel, unit) or NamedKernel(self.solver.kernel)
 
-    @property
-    def gas_flow(self) -> bool:
-        """Whether the flow of a gas is recorded."""
-        return self.fluid is not None and self.record.gas_flow
-
     def _gas(self, unit: str | None) -> Gas | None:
         """Return the gas whose flow is recorded, its mean free path in a unit of length."""
-        if self.fluid is None or not self.gas_flow:
+        if self.fluid is None:
             return None
         if unit is None:
             message = "needs the unit of length, and the file gives none: add surface: {L: 100 um}"

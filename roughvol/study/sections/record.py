@@ -227,11 +227,6 @@ class Record(Strict):
         return None if self.dimensional is None else self.dimensional.leak_rate
 
     @property
-    def gas_flow(self) -> bool:
-        """Whether the flow of a gas is recorded."""
-        return self.transport is not None and self.transport.gas_flow is not None
-
-    @property
     def selects(self) -> dict[tuple[str, ...], Select]:
         """The states of each key that selects some."""
         found: dict[tuple[str, ...], Select] = {}

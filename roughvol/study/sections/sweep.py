@@ -210,11 +210,6 @@ class Sweep(Strict):
         """Whether any state has a unit."""
         return any(unit_of(level.value) is not None for _, level in self.states())
 
-    @property
-    def follows_leak(self) -> bool:
-        """Whether any state is one of a leak rate."""
-        return any(level.kind.startswith("leak_rate") for _, level in self.states())
-
     def states(self, place: KeyPath = ("sweep",)) -> Iterator[tuple[KeyPath, Level]]:
         """Yield the states with a value, each with its place in the study."""
         for k, level in enumerate(self.listed or ()):
@@ -294,11 +289,6 @@ class Legs(RootModel[tuple[Leg, ...]]):
     def has_units(self) -> bool:
         """Whether any state has a unit."""
         return any(leg.has_units for leg in self.root)
-
-    @property
-    def follows_leak(self) -> bool:
-        """Whether any state is one of a leak rate."""
-        return any(leg.follows_leak for leg in self.root)
 
     def states(self) -> Iterator[tuple[KeyPath, Level]]:
         """Yield the states with a value of all legs, each with its place in the study."""
