@@ -78,11 +78,8 @@ def octaves(surface: Surface) -> Array:
     run more along x than along y are in the first row, the others in the second. Waves in between are in both.
     """
     power, conjugates = _powers(surface)
-    along_x, along_y = np.meshgrid(
-        np.abs(np.fft.fftfreq(surface.shape[0], surface.spacing)),
-        np.fft.rfftfreq(surface.shape[1], surface.spacing),
-        indexing="ij",
-    )
+    along_x = np.abs(np.fft.fftfreq(surface.shape[0], surface.spacing))[:, None]
+    along_y = np.fft.rfftfreq(surface.shape[1], surface.spacing)[None, :]
     ring = _rings(np.hypot(along_x, along_y), surface)
     octave = np.floor(np.log2(np.maximum(ring, 1.0))).astype(np.int64)
     inside = (ring > 0) & (2.0 ** (octave + 2) * surface.spacing <= surface.side)
