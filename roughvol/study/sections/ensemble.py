@@ -83,8 +83,6 @@ def _above_zero(number: float) -> float:
 
 def _accuracy(value: Any) -> Accuracy:
     """Return the accuracy of a number, or of the text of a number and %."""
-    if isinstance(value, Accuracy):
-        return value
     if isinstance(value, int | float) and not isinstance(value, bool):
         return Accuracy(_above_zero(float(value)), number_text(float(value)))
     share = round(_parts(value, PERCENT)[0] / 100.0, 15)
@@ -95,8 +93,6 @@ def _accuracy(value: Any) -> Accuracy:
 
 def _budget(value: Any) -> Budget:
     """Return the seconds of the text of a number and a unit of time."""
-    if isinstance(value, Budget):
-        return value
     number, unit = _parts(value, tuple(SECONDS))
     return Budget(_above_zero(number) * SECONDS[unit], f"{number_text(number)} {unit}")
 

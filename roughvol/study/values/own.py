@@ -82,9 +82,6 @@ def own(value: Any) -> dict[str, OwnQuantity]:
         refuse("must be a mapping of names to functions, as {example}", example="{my_number: my_module:my_function}")
     found = {}
     for name, target in value.items():
-        if isinstance(target, OwnQuantity):
-            found[name] = target
-            continue
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             refuse("'{name}' is no name; allowed: small letters, digits and _, a letter first", name=str(name))
         if not isinstance(target, str) or not _TARGET.fullmatch(target):
