@@ -29,24 +29,23 @@ class Key:
 def keys() -> tuple[Key, ...]:
     """Return all keys of a study in the order of the schema, sections before their keys."""
     schema = json_schema()
-    return tuple(dict.fromkeys(_keys(schema, schema["$defs"], "", "", ())))
+    return tuple(dict.fromkeys(_keys(schema, schema["$defs"], "", "")))
 
 
-def _keys(schema: Any, models: Any, path: str, form: str, inside: tuple[str, ...]) -> Iterator[Key]:
+def _keys(schema: Any, models: Any, path: str, form: str) -> Iterator[Key]:
     """Yield the keys of a mapping, each followed by those inside it."""
     required = schema.get("required", ())
     for name, value in schema.get("properties", {}).items():
         here = f"{path}.{name}".removeprefix(".")
         default = None if name in required else _default(value.get("default"))
         yield Key(here, _values(value, models), default, value.get("description", ""), form)
-        found = list(_models(value, models, ()))
+        found = list(_models(value, models))
         for title, model in found:
-            if title not in inside:
-                words = str(model.get("description", title)).splitlines()[0].rstrip(".")
-                yield from _keys(model, models, here, words if len(found) > 1 else "", (*inside, title))
+            words = str(model.get("description", title)).splitlines()[0].rstrip(".")
+            yield from _keys(model, models, here, words if len(found) > 1 else "")
 
 
-def _models(schema: Any, models: Any, seen: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
+def _models(schema: Any, models: Any) -> Iterator[tuple[str, Any]]:
     """Yield the mappings that a value may be, by name; one written in place has its description as name."""
     if "properties" in schema:
         yield schema.get("title") or schema.get("description", ""), schema
@@ -54,13 +53,13 @@ def _models(schema: Any, models: Any, seen: tuple[str, ...]) -> Iterator[tuple[s
         name = schema["$ref"].rpartition("/")[2]
         if "properties" in models[name]:
             yield name, models[name]
-        elif name not in seen:
-            yield from _models(models[name], models, (*seen, name))
+        else:
+            yield from _models(models[name], models)
     for part in ("anyOf", "oneOf", "allOf"):
         for inner in schema.get(part, ()):
-            yield from _models(inner, models, seen)
+            yield from _models(inner, models)
     if isinstance(schema.get("items"), dict):
-        yield from _models(schema["items"], models, seen)
+        yield from _models(schema["items"], models)
 
 
 def _values(schema: Any, models: Any) -> str:
@@ -116,7 +115,5 @@ def _default(value: Any) -> str:
         value = {name: inner for name, inner in value.items() if inner is not None and inner != []}
     if value is None or value in ([], {}):
         return "none"
-    if isinstance(value, list) and len(value) > 6:
-        return f"[{value[0]}, {value[1]}, …, {value[-1]}]"
     text = " ".join(write({"x": value}).split())
     return text.removeprefix("{").removesuffix("}").removeprefix("x: ") if text.startswith("{x:") else text[3:]
