@@ -134,9 +134,7 @@ class Case:
     @property
     def nodes_per_side(self) -> int | None:
         """Nodes per side of a surface that is made, None for one from files."""
-        if self.m is None:
-            return None
-        return 2**self.m + (not self.periodic)
+        return None if self.m is None else 2**self.m + (not self.periodic)
 
     @functools.cached_property
     def key_text(self) -> str:
@@ -146,13 +144,11 @@ class Case:
     @functools.cached_property
     def id(self) -> str:
         """A readable prefix and 8 hexadecimal digits of the sha256 of the key: ``D2.30_m8_s003-1f9c2a7b``."""
-        return f"{self._prefix}-{hashlib.sha256(self.key_text.encode()).hexdigest()[:8]}"
-
-    @property
-    def _prefix(self) -> str:
-        if self.file is not None:
-            return re.sub(r"[^A-Za-z0-9_.-]+", "_", self.file.stem).lstrip(".-")[:60] or "surface"
-        return f"D{self._D_text}_m{self.m}_s{self.seed:03d}"
+        if self.file is None:
+            prefix = f"D{self._D_text}_m{self.m}_s{self.seed:03d}"
+        else:
+            prefix = re.sub(r"[^A-Za-z0-9_.-]+", "_", self.file.stem).lstrip(".-")[:60] or "surface"
+        return f"{prefix}-{hashlib.sha256(self.key_text.encode()).hexdigest()[:8]}"
 
     @property
     def _D_text(self) -> str:

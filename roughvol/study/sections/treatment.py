@@ -164,12 +164,9 @@ _RESAMPLE = "surface.resample"
 
 def in_unit_of_study(length: Length, unit: str | None, key: str) -> float:
     """Return a length of the treatment in the unit of the study; a plain number is in that unit."""
-    own = unit_of(length)
-    if own is None:
-        return float(length)
-    if unit is None:
+    if unit is None and unit_of(length):
         wrong(f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um", key)
-    return in_unit(length, unit)
+    return float(in_unit(length, unit))
 
 
 def _node(position: float, nodes: int, pixel: float, unit: str | None, key: str) -> float:
