@@ -91,27 +91,17 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
     stored, failures = run_folder.stored_ids(folder), run_folder.failures(folder, cases)
     outdated = {id: f"{case_file(folder, id)} was {why}" for id, why in run_folder.outdated(folder, cases).items()}
     strange = len(stored - cases.keys() - outdated.keys())
-    done, missing, damaged = [], [], {}
-    versions: Counter[str] = Counter()
-    for id, case in cases.items():
-        file = run_folder.examined(case_file(folder, id), case, quick=True) if id in stored else None
-        if file is not None and file.outdated:
-            outdated[id] = str(file.fault)
-            file = None
-        if file is not None and file.fault is None:
-            done.append(id)
-            versions[file.version] += 1
-        elif id in noted or id in failures:
-            continue
-        elif file is None:
-            missing.append(id)
-        else:
-            damaged[id] = str(file.fault)
-    running = [id for id in noted if id in cases.keys() - set(done)]
-    failed = {id: error for id, error in failures.items() if id not in {*done, *running}}
-    collected = run_folder.is_collected(folder, study.stored())
-    by_id = tuple(done), tuple(missing), damaged, collected, tuple(running), failed
-    return Status(folder, *by_id, strange, outdated, dict(versions), holder, left)
+    files = {id: run_folder.examined(case_file(folder, id), cases[id], quick=True) for id in cases if id in stored}
+    done = {id: file.version for id, file in files.items() if file.fault is None}
+    outdated |= {id: str(file.fault) for id, file in files.items() if file.outdated}
+    others = [id for id in cases if id not in done and id not in noted and id not in failures]
+    damaged = {id: str(files[id].fault) for id in others if id in files and id not in outdated}
+    missing = tuple(id for id in others if id not in damaged)
+    running = tuple(id for id in noted if id in cases and id not in done)
+    failed = {id: error for id, error in failures.items() if id not in done and id not in running}
+    collected, versions = run_folder.is_collected(folder, study.stored()), dict(Counter(done.values()))
+    by_id = tuple(done), missing, damaged, collected, running, failed
+    return Status(folder, *by_id, strange, outdated, versions, holder, left)
 
 
 def of_results(folder: Path) -> Status | None:
