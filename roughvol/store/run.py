@@ -321,8 +321,7 @@ def _of_another_study(file: Path, results: Dataset, stored: str, given: Study) -
     if lines := _changes(file, stored, given.stored()):
         return lines
     cases = sample_plan.cases_of(given, file.parent)
-    lines = _changed_heights(results, cases.values())
-    return lines or _of_other_cases(results, cases)
+    return _changed_heights(results, cases.values()) or _of_other_cases(results, cases)
 
 
 def _changed_heights(results: Dataset, cases: Iterable[Case], absent: Sequence[str] = ("absent",)) -> list[str]:

@@ -117,8 +117,7 @@ class Creep(Strict):
         1/E* is that of the body that creeps. It is ≥ 1 but for moduli above that of the study. A `StudyError`: a table
         does not hold the time, moduli cannot be compared, or ``body`` does not fit the material.
         """
-        share = self._share(material)
-        return 1.0 + share * (self._of_body(seconds, material) - 1.0)
+        return 1.0 + self._share(material) * (self._of_body(seconds, material) - 1.0)
 
     def words(self, material: ContactModulus | YoungPoisson) -> str:
         """Return which body creeps and its share, as ``the first body (E, nu) creeps, 0.62 of 1/E*``."""

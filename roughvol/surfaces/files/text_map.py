@@ -157,8 +157,7 @@ def _taken(header: Header, path: Path, bare: str, place: str) -> bool:
         header.points, header.source = True, place
         x, y, header.heights_unit = (length_unit(path, unit, place) if unit else None for unit in columns)
         if x and y and x != y:
-            message = f"{path}: {place} is in {y}, another size in {x}; allowed: one unit for both axes"
-            raise SurfaceError(message)
+            raise SurfaceError(f"{path}: {place} is in {y}, another size in {x}; allowed: one unit for both axes")
         header.unit = header.unit or x or y
     elif named := _HAS_UNIT.search(bare):
         if _NUMBER_WITH_UNIT.search(bare) or _LATERAL.search(bare) or not _VERTICAL.search(bare):
