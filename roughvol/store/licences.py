@@ -133,12 +133,10 @@ def licences() -> list[Licence]:
         for extra in metadata.metadata("roughvol").get_all("Provides-Extra") or ()
         if all(map(_found, _direct("roughvol", extra))) and (found := _reached("roughvol", extra))
     }
-    needed: dict[str, list[str]] = {name: ["roughvol"] for name in always}
-    for extra, names in extras.items():
-        for name in names:
-            if name not in always:
-                needed.setdefault(name, []).append(extra)
-    rows = [_row(metadata.distribution(name), by) for name, by in needed.items()]
+    rows = []
+    for name in dict.fromkeys([*always, *(name for names in extras.values() for name in names)]):
+        needed_by = ["roughvol"] if name in always else [extra for extra, names in extras.items() if name in names]
+        rows.append(_row(metadata.distribution(name), needed_by))
     return sorted(rows, key=lambda row: (row.name != "roughvol", row.needed_by != ("roughvol",), row.name.lower()))
 
 

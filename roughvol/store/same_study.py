@@ -67,13 +67,10 @@ def _bodies_of(folder: Path, id: str) -> Any:
 def differences(old: Study, new: Study) -> list[str]:
     """Return the settings that change the answer of a shared case, or of all if none is shared; a line each."""
     before, after = _keys(old), _keys(new)
-    lines, shared = [], True
-    for name in AXES:
-        if name in before and name in after:
-            gone = [value for value in before[name] if value not in after[name]]
-            shared = shared and len(gone) < len(before[name])
-            if gone:
-                lines.append(f"{name}: no longer {', '.join(map(str, gone))}")
+    both = [name for name in AXES if name in before and name in after]
+    gone = {name: [value for value in before[name] if value not in after[name]] for name in both}
+    shared = all(len(values) < len(before[name]) for name, values in gone.items())
+    lines = [f"{name}: no longer {', '.join(map(str, values))}" for name, values in gone.items() if values]
     stored, asked = _answers(_with_files_of(old, new)), _answers(new)
     if stored == asked if not (old.axes or new.axes) else any(one in asked for one in stored):
         return [] if shared else lines
