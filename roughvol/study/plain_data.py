@@ -197,9 +197,6 @@ _SCALARS = (
     ("float", r"(?:[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z", "-+."),
 )
 _RESOLVERS: dict[str, list[tuple[str, re.Pattern[str]]]] = {}
-for _kind, _pattern, _first in _SCALARS:
-    for _character in _first:
-        _RESOLVERS.setdefault(_character, []).append((f"tag:yaml.org,2002:{_kind}", re.compile(_pattern)))
 
 
 def _stop(message: str, event: Any) -> NoReturn:
@@ -237,6 +234,8 @@ class _Dumper(yaml.SafeDumper):
         return self.represent_scalar("tag:yaml.org,2002:str", data, '"' if re.search(BREAKS, data) else None)
 
 
+for _kind, _pattern, _first in _SCALARS:
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_kind}", re.compile(_pattern), list(_first))
 _Dumper.add_representer(str, _Dumper.text)
 
 
