@@ -72,8 +72,7 @@ class FluidPressure(Strict):
 
     @model_validator(mode="after")
     def _falls(self) -> FluidPressure:
-        units = {unit_of(self.inlet) is None, unit_of(self.outlet) is None}
-        if len(units) > 1 and self.outlet != 0.0:
+        if (unit_of(self.inlet) is None) != (unit_of(self.outlet) is None) and self.outlet != 0.0:
             refuse("inlet and outlet: give both with a unit, or none")
         if in_unit(self.outlet, unit_of(self.inlet)) >= self.inlet:
             refuse("the outlet must be below the inlet")
