@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from roughvol.contact.kernels import Kernel
 from roughvol.contact.law import ELASTIC, RigidWall
 from roughvol.spellings import arguments
+from roughvol.surfaces.surface import Sided
 from roughvol.typing import Array, Index, Mask, Sides
 
 
@@ -42,7 +43,7 @@ class Compliance(Protocol):
 
 @arguments
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Contact:
+class Contact(Sided):
     """One equilibrium state. Numbers have no unit (starred). Arrays are made on demand and belong to the caller.
 
     Attributes
@@ -113,16 +114,6 @@ class Contact:
     _leg: Leg = field(repr=False)
     _intervals: int = field(repr=False)
     sides: Sides = "free"
-
-    @property
-    def periodic(self) -> bool:
-        """Whether the surface is one period of a plane."""
-        return self.sides == "periodic"
-
-    @property
-    def endless(self) -> bool:
-        """Whether the surface goes on beyond its sides, as a period or mirrored."""
-        return self.sides != "free"
 
     @property
     def converged(self) -> bool:

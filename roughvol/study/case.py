@@ -18,6 +18,7 @@ from roughvol.study.sections.treatment import steps
 from roughvol.study.values.units import convert
 from roughvol.surfaces.body import UNTREATED, Body, Treatment
 from roughvol.surfaces.spectrum import Spectrum
+from roughvol.surfaces.surface import Sided
 from roughvol.typing import Sides
 
 ANSWER_FORMAT = 5  # part of every case id: raise it when equal settings no longer give equal stored numbers
@@ -25,7 +26,7 @@ OF_SURFACE = ("L", "D", "m", "seed", "midpoint_law", "periodic")
 
 
 @dataclass(frozen=True)
-class Case:
+class Case(Sided):
     """One surface pressed once: the picklable input of `campaign.run_case`.
 
     A generated surface has ``D``, ``m``, ``seed`` and ``midpoint_law``, or ``spectrum`` instead of the last. A measured
@@ -120,16 +121,6 @@ class Case:
     def file(self) -> Path | None:
         """The file of the first body, None for a generated surface."""
         return self.bodies[0].file if self.bodies else None
-
-    @property
-    def periodic(self) -> bool:
-        """Whether the surface is one period of a plane."""
-        return self.sides == "periodic"
-
-    @property
-    def endless(self) -> bool:
-        """Whether the surface goes on beyond its sides, as a period or mirrored."""
-        return self.sides != "free"
 
     @property
     def nodes_per_side(self) -> int | None:

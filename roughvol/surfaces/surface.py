@@ -20,9 +20,25 @@ from roughvol.typing import Array, Sides
 SMALLEST_RANGE = 1e-290  # of heights that are not flat: below, their differences are denormal and Sq loses its digits
 
 
+class Sided:
+    """A record with the sides of a surface."""
+
+    sides: Sides
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the surface is one period of a plane: opposite sides are joined."""
+        return self.sides == "periodic"
+
+    @property
+    def endless(self) -> bool:
+        """Whether the surface goes on beyond its sides, as a period or mirrored: it has no rim."""
+        return self.sides != "free"
+
+
 @arguments
 @dataclass(frozen=True, eq=False)
-class Surface:
+class Surface(Sided):
     """A height field z on a lattice of spacing δ, checked once and read-only from then on.
 
     Attributes
@@ -76,16 +92,6 @@ class Surface:
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle through the constructor: a plain pickle would bring the heights back writable."""
         return (Surface, (self.heights, self.spacing, self.filled, self.outliers, self.peak_before, self.sides))
-
-    @property
-    def periodic(self) -> bool:
-        """Whether the heights are one period: opposite sides are joined."""
-        return self.sides == "periodic"
-
-    @property
-    def endless(self) -> bool:
-        """Whether the surface goes on beyond its sides, as a period or mirrored: it has no rim."""
-        return self.sides != "free"
 
     @property
     def shape(self) -> tuple[int, int]:
