@@ -156,14 +156,14 @@ class Case(Sided):
     @property
     def surface_text(self) -> str:
         """The treatment of heights from files in words, empty for untreated ones."""
-        sentences = ["; ".join(steps(self.treatment, self.length_unit))]
+        sentences = steps(self.treatment, self.length_unit)
         for body in self.bodies[1:]:
             turned = f", its axis {body.mirror} reversed" if body.mirror != "none" else ""
             sentences.append(f"heights of {body.file.name} added{turned}")
         units = {body.file.name: body.numbers_in for body in self.bodies if body.numbers_in}
         sentences += [f"sizes and units in {body.file.name} ignored" for body in self.bodies if body.header]
         sentences += [f"numbers of {name} are in {unit}" for name, unit in units.items()]
-        return "; ".join(filter(None, sentences))
+        return "; ".join(sentences)
 
 
 def _rounded(value: float | None) -> float | None:

@@ -92,8 +92,6 @@ def settled(
         nodes, lengths = description.shape, description.sides
         if lengths is None and resample != "none":
             wrong(f"{body.file} does not give the sides of its pixels", _RESAMPLE)
-        if lengths is None and not changed:
-            continue
         x, y = (1.0, 1.0) if lengths is None else (length / (n - 1) for length, n in zip(lengths, nodes, strict=True))
         pixel = L / (nodes[0] if surface.periodic else nodes[0] - 1)
         lattices.append(Lattice(nodes, (pixel, pixel * (y / x))))

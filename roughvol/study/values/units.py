@@ -205,15 +205,13 @@ def read(text: str, kind: str) -> float:
         if math.isfinite(plain := float(text)):
             return plain
     match = _NUMBER.fullmatch(text.strip())
+    if match is None or not kind or not math.isfinite(value := float(match[1])):
+        unit = f", or a number with a unit of {kind}, as in {KINDS[kind].example}" if kind else " without a unit"
+        raise ValueError(f"must be a number{unit}, given {text!r}")
     try:
-        if match is not None and kind and math.isfinite(value := float(match[1])):
-            return Quantity(value, _checked(match[2], kind))
-        raise ValueError(f"no number: {text!r}")
+        return Quantity(value, _checked(match[2], kind))
     except PydanticCustomError as error:
         raise ValueError(error.message()) from error
-    except ValueError as error:
-        unit = f", or a number with a unit of {kind}, as in {KINDS[kind].example}" if kind else " without a unit"
-        raise ValueError(f"must be a number{unit}, given {text!r}") from error
 
 
 @dataclass(frozen=True)

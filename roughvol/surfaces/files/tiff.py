@@ -82,14 +82,13 @@ def _pixel(path: Path, stored: Any, page: Any) -> tuple[tuple[float, float] | No
     """Return the sides of a pixel along x and y, their unit, and the tag that gives them."""
     ome = stored.ome_metadata
     if ome:
-        sizes = {key: re.search(rf'PhysicalSize{key}="([^"]+)"', ome) for key in "XY"}
-        if sizes["X"] and sizes["Y"]:
-            units = {key: re.search(rf'PhysicalSize{key}Unit="([^"]+)"', ome) for key in "XY"}
-            x = length_unit(path, units["X"][1], "PhysicalSizeXUnit") if units["X"] else "um"  # the default of OME
-            y = length_unit(path, units["Y"][1], "PhysicalSizeYUnit") if units["Y"] else x
+        found = dict(reversed(re.findall(r'PhysicalSize([XY](?:Unit)?)="([^"]+)"', ome)))  # the first of each counts
+        if {"X", "Y"} <= found.keys():
+            x = length_unit(path, found["XUnit"], "PhysicalSizeXUnit") if "XUnit" in found else "um"  # default of OME
+            y = length_unit(path, found["YUnit"], "PhysicalSizeYUnit") if "YUnit" in found else x
             if x != y:
                 raise SurfaceError(f"{path}: x is in {x or 'pixels'}, y in {y or 'pixels'}; allowed: one unit for both")
-            return (float(sizes["X"][1]), float(sizes["Y"][1])), x, "PhysicalSizeX of OME"
+            return (float(found["X"]), float(found["Y"])), x, "PhysicalSizeX of OME"
     scale = _tag(page, _PIXEL_SCALE)
     if scale is not None:
         return (float(scale[0]), float(scale[1])), None, "tag ModelPixelScale"
