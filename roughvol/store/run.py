@@ -149,9 +149,7 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
 
 def _set_seal(results: Dataset, given: Study) -> None:
     """Give results the seal of the study that they were opened by: no stored number depends on it."""
-    if not (text := str(results.attrs.get("study", ""))):
-        return
-    stored = loads(text, stored=True)
+    stored = loads(str(results.attrs["study"]), stored=True)  # `_check` has compared it
     if stored.seal != given.seal:
         seal = None if given.seal is None else given.seal.model_dump(mode="json")
         results.attrs["study"] = stored.changed(seal=seal).stored()
