@@ -140,12 +140,12 @@ def _summary(results: Dataset, path: Path) -> list[str]:
     return list(dict.fromkeys([*lines, *results.attrs.get("answer", "").splitlines()]))
 
 
-def _progress_text(now: Progress, seconds: float) -> str:
-    """Return finished cases, steps, rate and time left in one line."""
+def _progress_text(now: Progress) -> str:
+    """Return finished cases, steps and time left in one line."""
     failed = f" ({now.failed} failed)" if now.failed else ""
     text = f"{now.kept + now.done} of {count(now.cases, 'case')}{failed}"
     if now.steps:
-        text += f" · {now.steps_done} of {now.steps} steps · {now.steps_done / max(seconds, 1e-3):.0f} steps/s"
+        text += f" · {now.steps_done} of {now.steps} steps"
     if now.left is not None and now.work < 1.0:
         text += f" · about {duration(now.left)} left"
     return f"{text} · {now.interval}" if now.interval else text
@@ -158,15 +158,14 @@ def _progress() -> contextlib.AbstractContextManager[Draw]:
 
 @contextlib.contextmanager
 def _lines() -> Iterator[Draw]:
-    started = last = time.monotonic()
-    waiting = ""
+    last, waiting = time.monotonic(), ""
 
     def write(now: Progress) -> None:
         nonlocal last, waiting
         if now.notice:
             say(now.notice, err=True)
             return
-        text = _progress_text(now, time.monotonic() - started)
+        text = _progress_text(now)
         waiting = f"{now.event} · {text}" if now.event else waiting
         if time.monotonic() - last >= (EVENT_EVERY if waiting else PLAIN_EVERY):
             say(waiting or text, err=True)
@@ -184,7 +183,6 @@ def _bar() -> Iterator[Draw]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-    started = time.monotonic()
     columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.description}"))
     bar = Progress(*columns, console=Console(stderr=True), transient=True)
     task = bar.add_task("starting", total=1.0)
@@ -193,7 +191,7 @@ def _bar() -> Iterator[Draw]:
         with contextlib.suppress(OSError):  # the terminal is closed
             if now.notice or (now.event and now.failed):
                 bar.console.print(now.notice or now.event, markup=False, highlight=False)
-            bar.update(task, completed=now.work, description=_progress_text(now, time.monotonic() - started))
+            bar.update(task, completed=now.work, description=_progress_text(now))
 
     bar.start()
     try:
