@@ -46,3 +46,9 @@ def test_the_pressure_by_gradients_is_that_of_a_factorisation(seed, monkeypatch)
     (found, found_change), (exact, exact_change) = fields
     np.testing.assert_allclose(found, exact, rtol=0, atol=1e-11)
     np.testing.assert_allclose(found_change, exact_change, rtol=0, atol=2e-3 * np.abs(exact_change).max())
+
+
+def test_a_wide_pocket_with_a_closed_rim_has_the_mean_pressure_after_few_corrections(monkeypatch):
+    monkeypatch.setattr("roughvol.gap.fluid_pressure.CORRECTIONS", 4)  # factors alone need 63
+    pressure = fluid_pressure(np.pad(np.ones((20, 20)), 10), 0)
+    assert pressure[10:30, 10:30] == pytest.approx(0.5, abs=1e-13)
