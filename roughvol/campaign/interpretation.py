@@ -132,6 +132,10 @@ def sentences(study: Study, Sq: Iterable[float], L: float, unit: str | None, *, 
     pressures = _bare(study, "pressure")
     if pressures and (material.unit is not None or getattr(material, modulus) != 1.0):
         found.append(_pressures(study, "pressure", pressures, scales, about))
+    hardness = material.indentation_hardness if material.plastic else None
+    if pressures and hardness is not None and pressures[-1] * min(scales) > hardness:
+        largest = f"p* = {number_text(pressures[-1])} is not reached: pressures end at the hardness"
+        found.append(f"{largest}, {about}p* = {hardness / max(scales):.3g}")
     if fluid is not None and not fluid.has_units and material.unit is not None:
         found.append(_pressures(study, "fluid pressure", [p for p in (fluid.outlet, fluid.inlet) if p], scales, about))
     for kind in ("separation", "indentation") if unit is not None else ():
