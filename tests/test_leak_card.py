@@ -127,6 +127,13 @@ def test_means_over_nodes_replace_a_filter_that_a_coarser_grid_cannot_hold(cut_o
     assert [cut and str(cut) for cut in found] == [*on_coarser, on_coarser[0]]
 
 
+def test_the_window_of_a_sweep_far_beyond_closing_is_that_of_a_light_step() -> None:
+    study = _study(SEAL.replace("{steps: 4, to: percolation}", "{steps: 16, to: {pressure: 1 MPa}}"))
+    for way in _card(study)["ways"]:
+        assert way["closing_pressure"] < 1.0
+        assert way["parts"]["window"] > 1.0
+
+
 def test_a_period_has_coarser_grids_that_its_blocks_fill() -> None:
     np.save("face0.npy", np.random.default_rng(0).standard_normal((128, 126)))
     period = "{file: face0.npy, L: 128 um, heights_unit: um, sides: periodic}"

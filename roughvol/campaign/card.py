@@ -193,7 +193,7 @@ def _changed(
     """Return the study with the records of a card, other keys of its surface, and its starred pressures times a factor.
 
     The levels, of one kind, are recorded. The factor is for pressures of the sweep and of the fluid. The finest run has
-    the flow of the quadrants half way to the end of the first leg, the gas, and the lifted gap.
+    the flow of the quadrants half way to the end of the first leg and at halvings of it, the gas, and the lifted gap.
     """
     data = study.model_dump(mode="json")
     recorded, legs = data["record"], study.sweep.legs
@@ -204,7 +204,9 @@ def _changed(
     transport: dict[str, Any] = {"percolation": "every-step", "constriction": "every-step", "flux_at": wanted}
     transport |= {"accuracy": given or ACCURACY, "closing": True, "transmissivity": "every-step"}
     if fine and len(study.cases()) == 1:  # the quadrants of the only surface stand for other windows
-        transport["quadrants"] = {"step": [max(1, legs[0].steps // 2)]}
+        steps = legs[0].steps
+        halved = (steps >> k for k in range(1, steps.bit_length()))
+        transport["quadrants"] = {"step": sorted({1, *halved})}
     gas = study.fluid is not None and fine  # the budget is that of the liquid
     if gas:
         transport["gas_flow"] = "every-step"

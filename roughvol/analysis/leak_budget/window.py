@@ -76,7 +76,7 @@ def scatter_of_loads(surface: Loaded, axis: str, ratios: Array, load: float) -> 
 def window_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
     """Return the part of the window of the closing load: surfaces among each other, or the quadrants of the only one.
 
-    The leaks of the quadrants are those at a light load, where most are open.
+    The leaks of the quadrants are those at a light load, where most are open: at the last recorded step with a way.
     """
     if len(fine) > 1:
         loads = np.array([surface.closing[axis].value for surface in fine])
@@ -90,11 +90,13 @@ def window_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
     along = table["quadrant_flow"].sel(axis=axis).dropna("step", how="all") if "quadrant_flow" in table else None
     if along is None or not along.size:
         return Part("window", math.nan, "the flows of its quadrants are not stored")
-    step = table.sel(step=int(along["step"][0]))
-    load, flow = float(step[load_of(table)]), float(step[starred].sel(axis=axis)) * float(step["free_volume"]) ** 3
-    if not flow > 0.0:
-        return Part("window", math.nan, f"the map is closed at {surface.closing[axis].load(load)}")
-    log = scatter_of_loads(surface, axis, along.values[0] / flow, load)
+    steps = table.sel(step=along["step"].values)
+    flows = steps[starred].sel(axis=axis).values * steps["free_volume"].values ** 3
+    loads, last = steps[load_of(table)].values, int(np.count_nonzero(flows > 0.0)) - 1
+    if last < 0:
+        return Part("window", math.nan, f"the map is closed at {surface.closing[axis].load(float(loads[0]))}")
+    load = float(loads[last])
+    log = scatter_of_loads(surface, axis, along.values[last] / flows[last], load)
     at = f"the quadrants of the map at {surface.closing[axis].load(load)}"
     words = f"scatter of the leaks of {at}, {PERCENT} by t, times {QUADRANTS}, as loads of equal leak"
     return Part("window", math.exp(log), words)
