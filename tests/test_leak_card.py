@@ -145,8 +145,11 @@ def test_a_period_has_coarser_grids_that_its_blocks_fill() -> None:
 @pytest.mark.parametrize("amplitude", ["Sq: 0.5 um", "slope: 0.1", "slope: 0.1, anisotropy: 3, shortest: 2 um"])
 def test_coarser_grids_of_a_spectrum_hold_the_low_waves_of_its_surface(amplitude: str) -> None:
     spectral = f"{{H: 0.4, n: 128, rolloff: 4, L: 100 um, {amplitude}, seeds: [1], sides: periodic}}"
-    planned = card_runs.plan(loads(SEAL.replace(GENERATED, spectral)), Level("last"))
-    whole, *coarser = (surface_of(run.study.cases()[0]).heights for run in (planned.fine, *planned.coarser))
+    planned = card_runs.plan(loads(SEAL.replace(GENERATED, spectral)), Level("pressure", 3.0))
+    runs = (planned.fine, *planned.coarser)
+    whole, *coarser = (surface_of(run.study.cases()[0]).heights for run in runs)
+    nominal = [(run.level.value or 0.0) * surface_of(run.study.cases()[0]).Sq for run in runs]
+    assert nominal == pytest.approx([nominal[0]] * 3)
     assert [len(heights) for heights in coarser] == [64, 32]
     along_x = 3 if "anisotropy" in amplitude else 1
     waves = np.hypot(*np.meshgrid(along_x * np.fft.fftfreq(128, 1 / 128), np.fft.fftfreq(128, 1 / 128), indexing="ij"))

@@ -175,16 +175,20 @@ def _held(surface: SpectralSurface, n: int) -> dict[str, Any] | None:
 
 def _at_equal_pressure(study: Study, levels: Sequence[Level], keys: Mapping[str, Any], words: str) -> Planned:
     """Return the study with another surface, at the same nominal pressures p = p* E* Sq/L."""
-    if not isinstance(study.surface, HeightFile):
-        return Planned(words, _changed(study, levels, keys), levels[0])
-    surface, changed = (surface_of(some.cases()[0]) for some in (study, _changed(study, levels, keys)))
-    ratio = (surface.unit / surface.side) / (changed.unit / changed.side)
+    ratio = _steepness(study) / _steepness(_changed(study, levels, keys))
     if levels[0].kind == "pressure":
         levels = [
             level if isinstance(level.value, Quantity) else replace(level, value=(level.value or 0.0) * ratio)
             for level in levels
         ]
     return Planned(words, _changed(study, levels, keys, pressures=ratio), levels[0])
+
+
+def _steepness(study: Study) -> float:
+    """Return Sq/L of the first surface."""
+    case = study.cases()[0]
+    surface = surface_of(case)
+    return (case.height or surface.unit) / surface.side
 
 
 def _changed(
