@@ -363,6 +363,12 @@ def test_the_second_leg_of_a_path_has_a_card() -> None:
     assert "the sweep has no leg 3; allowed: 1 to 2" in refused("card", study, "--at", "pressure=0.3, leg 3")
 
 
+@pytest.mark.parametrize("sweep", ["steps: 4, to: {leak_rate: 1 mm^3/s}", "leak_rates: [2 mm^3/s, 1 mm^3/s]"])
+def test_the_end_of_a_sweep_at_a_leak_rate_is_no_load(sweep: str) -> None:
+    told = refused("card", _study(SEAL.replace("steps: 4, to: percolation", sweep)))
+    assert "--at last: the sweep ends at a leak rate, 1 mm^3/s, and so on each grid; allowed: a load" in told
+
+
 @pytest.mark.parametrize(
     ("at", "words"),
     [

@@ -128,6 +128,9 @@ def _recordable(study: Study, at: Level) -> Level:
     if at.kind == "step":
         message = f"--at {at.label}: each grid has another load at a step; allowed: last, or a load as pressure=0.3"
         raise refused(message)
+    if at.kind == "last" and (end := legs[(at.leg or len(legs)) - 1].target).kind.startswith("leak_rate"):
+        message = f"--at {at.label}: the sweep ends at a leak rate, {end.value}, and so on each grid; allowed: a load"
+        raise refused(f"{message} as pressure=0.3")
     if at.kind == "last" and at.leg is not None:
         return Level("last") if at.leg == len(legs) else Level("step", sum(leg.steps for leg in legs[: at.leg]))
     return at if len(legs) > 1 else replace(at, leg=None)
