@@ -107,6 +107,20 @@ def test_a_closed_joint_has_a_largest_leak(monkeypatch: pytest.MonkeyPatch) -> N
         assert way["leak_interval"][1] > 0.0
 
 
+def test_a_card_has_the_mean_gap_in_the_unit_of_the_study() -> None:
+    text = PRESSED.replace("L: 100 um", "L: 0.1 mm").replace("dimensional: {", "dimensional: {mean_gap: nm, ")
+    printed = _pairs(_printed(_study(text), *AT))
+    found = re.search(r"Mean gap V\*: ([\d.]+) σ, ([\d.]+) nm", printed)
+    assert found
+    assert float(found[2]) == pytest.approx(500.0 * float(found[1]), rel=1e-3)
+
+
+def test_the_table_of_cards_says_of_what_the_error_of_a_closed_way_is() -> None:
+    study, note = _study(SEAL), "The error of a closed way is that of its closing load."
+    assert note not in _printed(study, *AT, "--at", "pressure=0.01 MPa")
+    assert note in _printed(study, *AT, "--at", "pressure=2 MPa")
+
+
 def test_a_load_beyond_a_sweep_that_ended_closed_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     printed = _printed(_study(SEAL), "--at", "pressure=2 MPa")
     found = re.findall(r"closed on this grid; tight above [\d.]+ MPa, its error is not known \(grid", printed)

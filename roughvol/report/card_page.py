@@ -117,6 +117,8 @@ def table_of(pages: Sequence[Page]) -> Table:
     heads = [head for way in ways for head in (f"leak {way.axis}{unit}", "error", f"{way.axis} closes")]
     heads += [f"leak of the seal{unit}", "error", "seal closes"] if pages[0].card.seal is not None else []
     note = "The leak of several surfaces is their median."
+    if any(way.leak.value == 0.0 for page in pages for way in page.card.ways):
+        note += " The error of a closed way is that of its closing load."
     return Table("Cards", ("card", "surfaces", "load", *heads), tuple(rows), note)
 
 

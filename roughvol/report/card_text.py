@@ -233,8 +233,10 @@ def load_facts(card: Card) -> Iterator[tuple[str, str]]:
     dry, gap = ", without fluid pressure" if card.lifted else "", ""
     yield "Contact area A*", f"{mean}{number(card.mean('contact_area'))}{dry}"
     if card.length_unit:
+        unit = str(card.surfaces[0].table["mean_gap"].attrs["units"])
         lengths = [surface.free_volume * surface.Sq for surface in card.surfaces if math.isfinite(surface.free_volume)]
-        gap = f", {number(sum(lengths) / len(lengths))} {unit_text(card.length_unit)}" if lengths else ""
+        lengths = [convert(length, card.length_unit, unit) for length in lengths]
+        gap = f", {number(sum(lengths) / len(lengths))} {unit_text(unit)}" if lengths else ""
     yield "Mean gap V*", f"{mean}{number(card.mean('free_volume'))} σ{gap}{dry}"
     for beside in card.beside:
         values = (short(leak.value) if math.isfinite(leak.value) else "not known" for leak in beside.leaks)
