@@ -26,7 +26,7 @@ COARSER = {2: "twice the spacing", 4: "four times the spacing"}
 OTHER_LEVEL = {"none": "tilt", "mean": "tilt", "tilt": "quadratic", "quadratic": "tilt"}
 RECORDED = ("record.transport.flux_at", "record.fields_at", "record.fluid_pressure.at")  # keys of the states of a card
 ACCURACY = 1e-3  # of the flows of a card: its grid and its window change a leak far more
-FEWEST_NODES = 30  # nodes of a side of the coarsest grid
+FEWEST_NODES = 30  # of a side at twice the spacing; of four times the spacing only slopes count
 
 
 @dataclass(frozen=True)
@@ -155,12 +155,12 @@ def _coarser(study: Study, factor: int) -> dict[str, Any] | None:
     if isinstance(surface, HeightFile):
         case = study.cases()[0]
         finer, cut_off = surface_of(case), case.treatment.low_pass
-        if min(finer.shape) // factor < FEWEST_NODES:
+        if min(finer.shape) // 2 < FEWEST_NODES:
             return None
         too_short = cut_off is not None and cut_off < 2.0 * factor * finer.spacing
         return {"downsample": surface.downsample * factor} | ({"low_pass": None} if too_short else {})
     m = surface.m[0] - factor // 2
-    if 2**m + 1 < FEWEST_NODES:
+    if 2 ** (surface.m[0] - 1) + 1 < FEWEST_NODES:
         return None
     return _held(surface, 2**m) if isinstance(surface, SpectralSurface) else {"m": m}
 
