@@ -230,6 +230,7 @@ class SealLeak(WithParts):
     - ``load_unit``: unit of nominal pressure; empty for p*
     - ``parts``, ``closing_parts``: error budgets of the leak and of the closing load
     - ``words``: how the leak was found, and what is missing
+    - ``gas_leak``, ``gas_unit``: leak of the gas of the study; NaN without one
     """
 
     label: str
@@ -244,16 +245,21 @@ class SealLeak(WithParts):
     load_unit: str
     words: tuple[str, ...]
     closing_parts: tuple[Part, ...] = ()
+    gas_leak: float = math.nan
+    gas_unit: str = ""
 
     def plain(self) -> dict[str, Any]:
         """Return ``leak``, ``tight_above`` and their intervals as plain data: pressures in MPa, None where unknown."""
         to_mpa = convert(1.0, self.load_unit, "MPa") if self.load_unit else math.nan
-        return {
+        numbers = {
             "leak": finite(self.leak),
             "leak_interval": _interval(self.interval),
             "tight_above": finite(self.closing * to_mpa),
             "tight_above_interval": _interval(tuple(end * to_mpa for end in self.closing_interval)),
         }
+        if self.gas_unit:
+            numbers |= {"gas_leak": finite(self.gas_leak), "gas_leak_unit": self.gas_unit}
+        return numbers
 
 
 @dataclass(frozen=True, eq=False)

@@ -247,6 +247,20 @@ def test_a_gas_leaks_through_a_seal_as_much_more_as_through_its_patches() -> Non
     assert math.isnan(seal.median(patch, leaks[3:], isotropic=True))
 
 
+def test_a_card_has_the_leak_of_a_gas_through_its_seal(tmp_path: Path) -> None:
+    text = COARSE.replace("seeds: 3", "seeds: 1").replace(
+        "steps: 8, to: percolation", "steps: 2, to: {pressure: 0.02 MPa}"
+    )
+    text = text.replace("every-step}", "every-step, gas_flow: every-step}").replace(
+        "mPa*s}}", "mPa*s}, gas_leak_rate: sccm}"
+    )
+    card, of_seal = _card(f"{text}fluid: {{gas: air, inlet: 2 bar, outlet: 1 bar}}\n", "last", tmp_path)
+    (gas,) = card.beside
+    plain = of_seal.plain()
+    assert_allclose(plain["gas_leak"], 60.0 * gas.leaks[0].value, rtol=1e-5)  # 60 squares of one patch
+    assert plain["gas_leak_unit"] == gas.unit == "sccm"
+
+
 def test_the_same_seal_of_patches_in_another_direction(tmp_path: Path) -> None:
     """A patch wider than long, as a region: the flow along x through it is that of its squares."""
     text = COARSE.replace("seeds: 3", "seeds: 1").replace("record:", "record:\n  region: {x: [0, 0.5]}")

@@ -114,10 +114,12 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     leak, parts, words = seal.leak_of(
         patch, maps, quadrants, isotropic=isotropic, representative=representative, shared=shared
     )
-    if (name := f"gas_{FLOW}") in fine[0].table:
+    gas_leak, gas_unit = math.nan, fine[0].unit(name := f"gas_{FLOW}")
+    if name in fine[0].table:
         gases = np.array([[surface.leak(axis, name) for axis in AXES] for surface in fine])
-        throughput = f"{number(seal.median(patch, gases, isotropic=isotropic))} {fine[0].unit(name)}"
+        gas_leak = seal.median(patch, gases, isotropic=isotropic)
         gas = fine[0].table[name].attrs.get("gas", "the gas")
+        throughput = f"{number(gas_leak)} {gas_unit}"
         words += (f"leak of {gas}: {throughput}, the median of as many sheets; the interval is that of the liquid",)
     if leak.value == 0.0 and representative:  # at most the leak of patches that close later
         most = patch.conductances(np.array([[way.at_most for way in ways]]), in_units=units)[0, 0] * patch.squares
@@ -135,6 +137,8 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
         load_unit=flow.closing.unit,
         words=words,
         closing_parts=of_load,
+        gas_leak=gas_leak,
+        gas_unit=gas_unit,
     )
 
 
