@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from roughvol.observables.variables import VARIABLES
 from roughvol.study import load
@@ -78,6 +79,16 @@ def test_a_height_map_may_have_any_name(name: str) -> None:
     said("init", f"{name}.txt", "--set", "surface.L=9 um")
     (written,) = Path().glob("*.yaml")
     assert Path(load(written).surface.file).name == f"{name}.txt"
+
+
+def test_the_study_of_a_map_has_the_treatment_that_the_map_needs() -> None:
+    z = np.random.default_rng(0).standard_normal((30, 31))
+    z[3, 4] = np.nan
+    axes = {"x": ("x", np.arange(30.0), {"units": "um"}), "y": ("y", 1.3 * np.arange(31.0), {"units": "um"})}
+    xr.DataArray(z, axes, ("x", "y"), "z", {"units": "um"}).to_netcdf("map.nc")
+    told = said("init", "map.nc")
+    assert "with surface.resample: square, which map.nc needs\nwith surface.missing: interpolate" in told
+    assert call("check", "map.yaml").exit_code == 0
 
 
 def test_the_study_of_a_height_map_takes_lists_and_mappings() -> None:

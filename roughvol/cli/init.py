@@ -14,12 +14,13 @@ from click.shell_completion import CompletionItem
 
 from roughvol.cli.options import SET, Completed, command
 from roughvol.cli.output import say
-from roughvol.errors import FolderError, StudyError
+from roughvol.errors import FolderError, StudyError, SurfaceError
 from roughvol.report import terminal
 from roughvol.store import stamped_file
 
 SCAN = "scan.txt"
 TO_FILL_IN = {"L": "500 um", "unit": "um", "heights_unit": "um"}  # what a height map may lack, with an example
+DECIDED = {"resample": "square", "missing": "interpolate"}  # what oblong pixels and unknown heights need
 SIDES = "# sides: mirrored, the map is a part of a joint; free, a block of its size; periodic, one period of a plane"
 HEAD = """# The height map {path}. Give material, end of the sweep and fluid; roughvol explain has all keys.
 #   roughvol check {name}.yaml --look
@@ -45,7 +46,8 @@ def _examples_with(context: click.Context, option: click.Parameter, start: str) 
 def init(example: str | None, listing: bool, changes: tuple[str, ...]) -> None:
     """Write the study EXAMPLE, or the study of the height map FILE, into the current folder, or list the examples.
 
-    Sizes and units come from FILE. What it lacks is left to fill in. Files that exist are not overwritten.
+    Sizes and units come from FILE. What it lacks is left to fill in. Oblong pixels are resampled, and missing heights
+    interpolated. Files that exist are not overwritten.
     """
     known = _examples()
     if example is None or listing:
@@ -116,23 +118,32 @@ def _write_study_of_map(path: Path, example: str, changes: Sequence[str]) -> Non
 
     absent: dict[str, str] = {}
     while lacking := _lacking(study(absent), f"{name}.yaml", absent):
-        absent |= {key: TO_FILL_IN[key] for key in lacking}
-    to_fill_in = {key: f"FILL IN, as {value}" for key, value in absent.items()}
-    _write_new({f"{name}.yaml": HEAD.format(path=printable(str(path)), name=name) + study(to_fill_in)})
-    if absent:
-        say(f"fill in {' and '.join(f'surface.{key}' for key in absent)}, which {path} does not give")
+        absent |= {key: (TO_FILL_IN | DECIDED)[key] for key in lacking}
+    to_fill_in = {key: f"FILL IN, as {value}" for key, value in absent.items() if key in TO_FILL_IN}
+    text = study({key: to_fill_in.get(key, value) for key, value in absent.items()})
+    _write_new({f"{name}.yaml": HEAD.format(path=printable(str(path)), name=name) + text})
+    for key in filter(DECIDED.get, absent):
+        say(f"with surface.{key}: {absent[key]}, which {path} needs")
+    if to_fill_in:
+        say(f"fill in {' and '.join(f'surface.{key}' for key in to_fill_in)}, which {path} does not give")
     say(f"next: roughvol check {name}.yaml --look")
 
 
 def _lacking(study: str, file: str, absent: Mapping[str, str]) -> list[str]:
-    """Return the keys of lengths and units that a study of a height map lacks, beside those found absent before."""
+    """Return the keys of lengths, units and treatment that a study of a map lacks, beside those found absent before."""
+    from roughvol.campaign.case_surface import surface_of
     from roughvol.study import loads
 
     try:
         case = loads(study, file).cases()[0]
+        surface_of(case)
+    except SurfaceError as error:
+        if "surface.missing" in str(error) and "missing" not in absent:
+            return ["missing"]
+        raise
     except StudyError as error:
         keys = [problem.key.removeprefix("surface.") for problem in error.problems if "missing" in problem.message]
-        if lacking := [key for key in keys if key in TO_FILL_IN and key not in absent]:
+        if lacking := [key for key in keys if key in TO_FILL_IN | DECIDED and key not in absent]:
             return lacking
         raise
     return [] if case.length_unit else ["unit"]
