@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -146,6 +147,25 @@ def test_the_window_of_a_sweep_far_beyond_closing_is_that_of_a_light_step() -> N
     for way in _card(study)["ways"]:
         assert way["closing_pressure"] < 1.0
         assert way["parts"]["window"] > 1.0
+
+
+def test_one_open_step_does_not_show_the_window() -> None:
+    np.save("s.npy", scipy.ndimage.gaussian_filter(np.random.default_rng(3).standard_normal((64, 64)), 2))
+    text = SEAL.replace(GENERATED, "{file: s.npy, L: 64 um, level: tilt}")
+    printed = _printed(_study(text.replace("{steps: 4, to: percolation}", "{steps: 6, to: {pressure: 1 MPa}}")))
+    assert printed.count("the map is open at one step alone, 0.1391 MPa") == 2
+
+
+def test_a_starred_load_and_its_nominal_pressure_have_one_card() -> None:
+    """The coarser grids of this surface have another Sq."""
+    spectrum = SEAL.replace(GENERATED, "{H: 0.3, n: 64, L: 100 um, Sq: 0.5 um, seeds: [1], sides: periodic}")
+    found = []
+    for end, at in (("0.1 MPa", "0.05 MPa"), ("2", "1")):  # p* = 1 is 0.05 MPa
+        text = spectrum.replace("to: percolation", f"to: {{pressure: {end}}}")
+        found.append(_card(_study(text), "--at", f"pressure={at}")["ways"])
+    for one, other in zip(*found, strict=True):
+        assert one["parts"] == pytest.approx(other["parts"], rel=1e-4)
+        assert one["leak_interval"] == pytest.approx(other["leak_interval"], rel=1e-4)
 
 
 def test_a_period_has_coarser_grids_that_its_blocks_fill() -> None:
@@ -380,7 +400,7 @@ def test_the_second_leg_of_a_path_has_a_card() -> None:
 @pytest.mark.parametrize("sweep", ["steps: 4, to: {leak_rate: 1 mm^3/s}", "leak_rates: [2 mm^3/s, 1 mm^3/s]"])
 def test_the_end_of_a_sweep_at_a_leak_rate_is_no_load(sweep: str) -> None:
     told = refused("card", _study(SEAL.replace("steps: 4, to: percolation", sweep)))
-    assert "--at last: the sweep ends at a leak rate, 1 mm^3/s, and so on each grid; allowed: a load" in told
+    assert "--at last: the leg ends at a leak rate, 1 mm^3/s, and so on each grid; allowed: a load" in told
 
 
 @pytest.mark.parametrize(

@@ -74,8 +74,10 @@ def comparisons(runs: Sequence[Run]) -> Iterator[Comparison]:
 
 def _same_surfaces(one: Run, other: Run) -> bool:
     sizes = [(made.D, made.m, made.seeds) for run in (one, other) if (made := run.generated)]
+    if len(sizes) < 2 or sizes[0] != sizes[1]:
+        return False
     heights = [float(sigma(run.dataset).mean()) / run.L for run in (one, other)]
-    return len(sizes) == 2 and sizes[0] == sizes[1] and bool(np.isclose(heights[0], heights[1], rtol=1e-9))
+    return bool(np.isclose(heights[0], heights[1], rtol=1e-9))
 
 
 def _rows(elastic: Run, plastic: Run) -> Iterator[tuple[str, ...]]:

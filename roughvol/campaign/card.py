@@ -129,7 +129,7 @@ def _recordable(study: Study, at: Level) -> Level:
         message = f"--at {at.label}: each grid has another load at a step; allowed: last, or a load as pressure=0.3"
         raise refused(message)
     if at.kind == "last" and (end := legs[(at.leg or len(legs)) - 1].target).kind.startswith("leak_rate"):
-        message = f"--at {at.label}: the sweep ends at a leak rate, {end.value}, and so on each grid; allowed: a load"
+        message = f"--at {at.label}: the leg ends at a leak rate, {end.value}, and so on each grid; allowed: a load"
         raise refused(f"{message} as pressure=0.3")
     if at.kind == "last" and at.leg is not None:
         return Level("last") if at.leg == len(legs) else Level("step", sum(leg.steps for leg in legs[: at.leg]))
@@ -177,7 +177,7 @@ def _held(surface: SpectralSurface, n: int) -> dict[str, Any] | None:
 
 
 def _at_equal_pressure(study: Study, levels: Sequence[Level], keys: Mapping[str, Any], words: str) -> Planned:
-    """Return the study with another surface, at the same nominal pressures p = p* E* Sq/L."""
+    """Return the study with other surfaces, at the same nominal pressures p = p* E* Sq/L of the first surface."""
     ratio = _steepness(study) / _steepness(_changed(study, levels, keys))
     if levels[0].kind == "pressure":
         levels = [

@@ -74,7 +74,8 @@ def card_of(runs: Sequence[CardRuns], name: str, load: str) -> Card:
     if len(levels) == len(runs):
         _, before = comparable([of_file.before_levelling for of_file in runs], fine)
         levelled = Levelled(levels[0].words, before, comparable(levels, fine)[1])
-    no_coarser = next(filter(None, (of_file.no_coarser for of_file in runs)), NO_COARSER)
+    none = NO_COARSER + ", or fills its period" * ("periodic" in fine[0].table.attrs)
+    no_coarser = next(filter(None, (of_file.no_coarser for of_file in runs)), none)
     no_levelled = next(filter(None, (of_file.no_levelled for of_file in runs)), "")
     unknown = {"grid": "" if coarser else no_coarser, "levelling": no_levelled}
     lacking = {name: Part(name, math.nan, words) for name, words in unknown.items() if words}

@@ -28,7 +28,7 @@ SCATTER = 0.25  # logarithm of the closing load: on a finer grid another channel
 OPEN = 0.5  # share of it for leaks, which pass through several channels
 ROUGH = 0.2  # change of the closing load from twice the spacing, from which on the scatter is whole
 STEEP = 0.25  # growth of the slope in an octave, a fractal dimension of 2.36
-NO_COARSER = "no coarser grid has enough nodes for the surface, or fills its period"
+NO_COARSER = "no coarser grid has enough nodes for the surface"
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from roughvol.errors import DatasetError
 from roughvol.gap.transport import conduction
 from roughvol.observables.variables import AXES
 from roughvol.store.card_runs import Pressed
-from roughvol.study import HeightFile, Level, Quantity, parse
+from roughvol.study import Level, parse
 from roughvol.typing import Array
 
 EXACT = 1e-8  # accuracy of the flows whose ratios are parts of the error
@@ -118,7 +118,9 @@ class Loaded:
     def load_at(self, axis: str, leak: float) -> float:
         """Return the load with another leak, the closing load of none; NaN if unknown."""
         curve = self.curve[axis]
-        if curve is None or not leak > 0.0:
+        if curve is None or math.isnan(leak):
+            return math.nan
+        if leak == 0.0:
             return self.closing[axis].value
         found = curve.solve(math.log(leak), extrapolate=False)
         return math.exp(found[-1]) if len(found) else self.closing[axis].value
@@ -185,20 +187,14 @@ def surfaces_at_load(pressed: Pressed) -> Iterator[Loaded]:
 def comparable(runs: Sequence[Pressed], fine: Sequence[Loaded]) -> tuple[str, list[Loaded]]:
     """Return the words of another grid or levelling, and its surfaces with what makes them comparable.
 
-    At equal nominal pressure leaks are compared as they are, and as T* V*³ Sq³ without a unit. At equal p* starred
-    numbers are compared, as those of generated surfaces with starred loads.
+    Nominal pressures are equal: leaks are compared as they are, and as T* V*³ Sq³ without a unit.
     """
     surfaces = [surface for pressed in runs for surface in surfaces_at_load(pressed)]
-    study = surfaces[0].run.study
-    physical = (study is not None and isinstance(study.surface, HeightFile)) or isinstance(
-        runs[0].level.value, Quantity
-    )
     found = []
     for other, own in zip(surfaces, fine, strict=True):
         ratio = float(other.table["Sq"][0]) / float(own.table["Sq"][0])
-        powers = (3, 1) if physical else (-3, -1)
-        in_units = bool(own.unit()), load_of(own.table) == "nominal_pressure"
-        of_leak, of_load = (ratio**n if physical != has else 1.0 for n, has in zip(powers, in_units, strict=True))
+        of_leak = 1.0 if own.unit() else ratio**3
+        of_load = 1.0 if load_of(own.table) == "nominal_pressure" else ratio
         found.append(replace(other, of_leak=of_leak, of_load=of_load))
     return runs[0].words, found
 

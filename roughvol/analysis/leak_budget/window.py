@@ -76,7 +76,8 @@ def scatter_of_loads(surface: Loaded, axis: str, ratios: Array, load: float) -> 
 def window_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
     """Return the part of the window of the closing load: surfaces among each other, or the quadrants of the only one.
 
-    The leaks of the quadrants are those at a light load, where most are open: at the last recorded step with a way.
+    The leaks of the quadrants are those at a light load: at the last recorded step with ways through the map and a
+    quadrant.
     """
     if len(fine) > 1:
         loads = np.array([surface.closing[axis].value for surface in fine])
@@ -92,11 +93,15 @@ def window_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
         return Part("window", math.nan, "the flows of its quadrants are not stored")
     steps = table.sel(step=along["step"].values)
     flows = steps[starred].sel(axis=axis).values * steps["free_volume"].values ** 3
-    loads, last = steps[load_of(table)].values, int(np.count_nonzero(flows > 0.0)) - 1
+    loads = steps[load_of(table)].values
+    last = int(np.flatnonzero((flows > 0.0) & (along.values > 0.0).any(axis=1)).max(initial=-1))
     if last < 0:
-        return Part("window", math.nan, f"the map is closed at {surface.closing[axis].load(float(loads[0]))}")
+        closed = "all quadrants are" if flows[0] > 0.0 else "the map is"
+        return Part("window", math.nan, f"{closed} closed at {surface.closing[axis].load(float(loads[0]))}")
     load = float(loads[last])
     log = scatter_of_loads(surface, axis, along.values[last] / flows[last], load)
+    if math.isnan(log):
+        return Part("window", math.nan, f"the map is open at one step alone, {surface.closing[axis].load(load)}")
     at = f"the quadrants of the map at {surface.closing[axis].load(load)}"
     words = f"scatter of the leaks of {at}, {PERCENT} by t, times {QUADRANTS}, as loads of equal leak"
     return Part("window", math.exp(log), words)
