@@ -87,8 +87,12 @@ def test_the_study_of_a_map_has_the_treatment_that_the_map_needs() -> None:
     axes = {"x": ("x", np.arange(30.0), {"units": "um"}), "y": ("y", 1.3 * np.arange(31.0), {"units": "um"})}
     xr.DataArray(z, axes, ("x", "y"), "z", {"units": "um"}).to_netcdf("map.nc")
     told = said("init", "map.nc")
-    assert "with surface.resample: square, which map.nc needs\nwith surface.missing: interpolate" in told
+    assert "with surface.resample: square, which the heights need\nwith surface.missing: interpolate" in told
     assert call("check", "map.yaml").exit_code == 0
+    Path("map.yaml").unlink()
+    assert "give resample: square" in refused("init", "map.nc", "--set", "surface.resample=none")
+    said("init", "map.nc", "--set", "surface.missing=refuse", "--set", "surface.low_pass=1 nm")
+    assert load("map.yaml").surface.missing == "refuse"
 
 
 def test_the_study_of_a_height_map_takes_lists_and_mappings() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -117,33 +117,33 @@ def _write_study_of_map(path: Path, example: str, changes: Sequence[str]) -> Non
         return "\n".join([write({"name": name}).strip("{}\n"), f"{SIDES}\n{section.strip()}", *rest]) + "\n"
 
     absent: dict[str, str] = {}
-    while lacking := _lacking(study(absent), f"{name}.yaml", absent):
+    while lacking := _lacking(study(absent), f"{name}.yaml", absent.keys() | given["surface"].keys()):
         absent |= {key: (TO_FILL_IN | DECIDED)[key] for key in lacking}
     to_fill_in = {key: f"FILL IN, as {value}" for key, value in absent.items() if key in TO_FILL_IN}
     text = study({key: to_fill_in.get(key, value) for key, value in absent.items()})
     _write_new({f"{name}.yaml": HEAD.format(path=printable(str(path)), name=name) + text})
     for key in filter(DECIDED.get, absent):
-        say(f"with surface.{key}: {absent[key]}, which {path} needs")
+        say(f"with surface.{key}: {absent[key]}, which the heights need")
     if to_fill_in:
         say(f"fill in {' and '.join(f'surface.{key}' for key in to_fill_in)}, which {path} does not give")
     say(f"next: roughvol check {name}.yaml --look")
 
 
-def _lacking(study: str, file: str, absent: Mapping[str, str]) -> list[str]:
-    """Return the keys of lengths, units and treatment that a study of a map lacks, beside those found absent before."""
+def _lacking(study: str, file: str, known: Set[str]) -> list[str]:
+    """Return the keys of lengths, units and treatment that a study of a map lacks, beside those that are known."""
     from roughvol.campaign.case_surface import surface_of
     from roughvol.study import loads
 
     try:
         case = loads(study, file).cases()[0]
-        surface_of(case)
-    except SurfaceError as error:
-        if "surface.missing" in str(error) and "missing" not in absent:
-            return ["missing"]
-        raise
     except StudyError as error:
         keys = [problem.key.removeprefix("surface.") for problem in error.problems if "missing" in problem.message]
-        if lacking := [key for key in keys if key in TO_FILL_IN | DECIDED and key not in absent]:
+        if lacking := [key for key in keys if key in TO_FILL_IN | DECIDED and key not in known]:
             return lacking
         raise
+    try:
+        surface_of(case)
+    except SurfaceError as error:  # others are those of `roughvol check`
+        if "surface.missing" in str(error) and "missing" not in known:
+            return ["missing"]
     return [] if case.length_unit else ["unit"]
