@@ -28,7 +28,7 @@ LEAST = 1e-8  # conductance of a closed element over that of the gap h
 MOST = 1e6  # largest conductance over that of the gap h: the pressure drop in a wider gap is left out
 NARROW = 1e-3  # least h over the widest gap
 ACCURACY = 1e-12  # of P, the last correction
-CORRECTIONS = 20  # two to five of 300 random gaps
+CORRECTIONS = 20  # random gaps need two to five
 
 
 class FluidField:

@@ -164,8 +164,9 @@ def _known(*pairs: tuple[str, str]) -> Pairs:
 
 def _treatment(run: Run) -> str:
     """Return what was done to the heights of a file; empty where it is unknown."""
-    of_file = run.study is not None and isinstance(run.study.surface, HeightFile)
-    return str(run.dataset.attrs.get("surface", "")) or "as in the file" * of_file
+    surface = run.study.surface if run.study is not None else None
+    untreated = isinstance(surface, HeightFile) and surface.level == "none"
+    return str(run.dataset.attrs.get("surface", "")) or "as in the file" * untreated
 
 
 def _computed(run: Run) -> str:

@@ -92,6 +92,7 @@ def summits(heights: Array) -> Mask:
 
     A plateau of equal nodes has no summit, and neither has the boundary, whose neighbourhood is not known.
     """
+    heights = np.asarray(heights, dtype=np.float64)
     mask: Mask = heights > scipy.ndimage.maximum_filter(heights, footprint=AROUND, mode="constant", cval=np.inf)
     return mask
 

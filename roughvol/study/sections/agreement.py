@@ -165,7 +165,8 @@ def _described(body: HeightFile | CounterBody, sha256: str, key: str) -> Descrip
     try:
         description = _description(Path(body.file), sha256, body.variable, body.columns, ignored)
     except (DatasetError, SurfaceError) as error:
-        wrong(str(error), f"{key}.file")
+        several = isinstance(body, HeightFile) and body.files
+        wrong(str(error), f"{key}.files" if several else f"{key}.file")
     return replace(description, sides=None, unit=None, heights_unit=None) if ignored else description
 
 

@@ -100,7 +100,7 @@ def settled(
             message = f"{body.file} has {nodes} nodes; allowed: {lattices[0].shape}, as in {surface.file}"
             wrong(message, "surface.against.file")
     if changed and surface.periodic and any(nodes % downsample for nodes in lattices[0].shape):
-        period = "{} x {} nodes; allowed: divisors of {}".format(*lattices[0].shape, math.gcd(*lattices[0].shape))
+        period = "{} x {} nodes; allowed: {} and its divisors".format(*lattices[0].shape, math.gcd(*lattices[0].shape))
         wrong(f"blocks of {downsample} x {downsample} nodes do not fill a period of {period}", "surface.downsample")
     kept = nodes_kept(surface.crop, downsample, lattices[0], unit) if changed else None
     if kept is None and downsample == 1 and resample == "none":
