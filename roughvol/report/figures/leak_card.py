@@ -198,6 +198,7 @@ def _flux_map(surface: SurfaceAtLoad, axis: str, ax: Axes, card: Card) -> None:
 def _budget(ax: Axes, card: Card) -> None:
     """Draw the parts of the error as factors."""
     names = [*dict.fromkeys(part.name for way in card.ways for part in way.parts), "together"]
+    ax.use_sticky_edges = False  # no bar ends on the frame
     for order, (way, look) in enumerate(zip(card.ways, looks(2), strict=True)):
         factors = {part.name: (part.smaller, part.factor) for part in way.parts if way.leak.value > 0.0}
         factors |= {"together": (way.smaller, way.factor)} if factors else {}
