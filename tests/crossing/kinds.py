@@ -1,6 +1,7 @@
 """Kinds of run: small studies, each of which shows one feature in its numbers.
 
-Surfaces have 17 nodes a side (m = 4) and few steps. A kind is made once in a session, by ``roughvol run``.
+Surfaces have 17 nodes a side (m = 4), those with coarser grids 60 or more, and few steps.
+A kind is made once in a session, by ``roughvol run``.
 """
 
 from __future__ import annotations
@@ -94,6 +95,14 @@ def _one_file(folder: Path) -> None:
     np.save(folder / "worn.npy", _heights(5, 0.5))
 
 
+def _fine_file(folder: Path) -> None:
+    np.save(folder / "fine.npy", _heights(9, 0.5, 61))
+
+
+def _fine_period(folder: Path) -> None:
+    np.save(folder / "period.npy", _heights(10, 0.5, 64))
+
+
 def _two_bodies(folder: Path) -> None:
     np.save(folder / "lower.npy", _heights(6, 0.3))
     np.save(folder / "upper.npy", _heights(7, 0.4))
@@ -108,7 +117,14 @@ def _other_heights(folder: Path) -> None:
     np.save(folder / "worn.npy", _heights(8, 0.7))
 
 
-FILES = {"": None, "two_files": _two_files, "one_file": _one_file, "two_bodies": _two_bodies}
+FILES = {
+    "": None,
+    "two_files": _two_files,
+    "one_file": _one_file,
+    "two_bodies": _two_bodies,
+    "fine_file": _fine_file,
+    "fine_period": _fine_period,
+}
 AFTERWARDS = {"": None, "softer": _softer, "other_heights": _other_heights}
 
 

@@ -1011,6 +1011,11 @@ def card(made: Made) -> int:
     if not made.kind.lists:
         if made.kind.squares != 1.0:  # one square patch, repeated
             close(found["seal"]["leak"], made.kind.squares * found["ways"][0]["leak"], "leak of the seal", within=1e-5)
+        if "coarser grids" in made.kind.title:
+            parts = ("solver", "grid", "window", "levelling")[: 3 if "periodic" in made.kind.title else 4]
+            for way in found["ways"]:
+                assert tuple(way["parts"]) == parts
+                assert None not in (way["leak_interval"], way["closing_pressure_interval"]), "a part is unknown"
         return _check_card(own.groups, found, load)
     count = 0
     for words, part in found.items():

@@ -15,8 +15,9 @@ from tests.crossing.questions import QUESTIONS
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "crossing.md"
 UNITS = (
-    "one seeds sealed m files bodies spectrum materials layers regions legs one-way coupled gas gas-alone lifted-gas "
-    "region mirrored periodic closed some-closed percolation to-pressure to-area force nominal gap records"
+    "one seeds sealed m files bodies spectrum grids period-grids materials layers regions legs one-way coupled gas "
+    "gas-alone lifted-gas region mirrored periodic closed some-closed percolation to-pressure to-area force nominal "
+    "gap records"
 )
 PRESSED = f"{UNITS} D ensemble own mean-plane"
 UNPRESSED = {"unpressed": "nothing was pressed"}
@@ -36,9 +37,9 @@ class Cells:
 
 NO_LEAK = dict.fromkeys(("D", "ensemble", "own", "mean-plane", "unpressed"), "which the run does not have")
 PRESSED_AGAIN = (
-    "one sealed bodies spectrum materials layers regions legs one-way coupled gas gas-alone lifted-gas region "
-    "mirrored periodic closed some-closed percolation mean-plane to-pressure to-area force nominal gap records "
-    "unpressed study-changed file-changed"
+    "one sealed bodies spectrum grids period-grids materials layers regions legs one-way coupled gas gas-alone "
+    "lifted-gas region mirrored periodic closed some-closed percolation mean-plane to-pressure to-area force "
+    "nominal gap records unpressed study-changed file-changed"
 )
 ONE_MAP = {
     "seeds": "heights have shape (3, 17, 17); allowed: two axes",
@@ -48,8 +49,8 @@ ONE_MAP = {
     **dict.fromkeys(("ensemble", "own"), "unexpected keyword argument 'ensemble'"),
 }
 ONE_KIND = (
-    "one seeds sealed files bodies spectrum gas gas-alone region mirrored periodic closed some-closed "
-    "percolation to-pressure to-area force nominal gap records"
+    "one seeds sealed files bodies spectrum grids period-grids gas gas-alone region mirrored periodic closed "
+    "some-closed percolation to-pressure to-area force nominal gap records"
 )
 SEVERAL = {
     "m": "the run has several m",
