@@ -196,6 +196,19 @@ def test_coarser_grids_of_a_spectrum_hold_the_low_waves_of_its_surface(amplitude
         assert amplitude_kept == pytest.approx(1.0, abs=0.08)  # without: 1.13 of a given Sq, 1.54 of a slope
 
 
+def test_coarser_grids_of_a_scaled_midpoint_surface_have_its_heights() -> None:
+    planned = card_runs.plan(
+        loads(SEAL.replace(GENERATED, "{D: 2.9, m: 7, L: 100 um, Sq: 500 nm, seeds: [1]}")), Level("last")
+    )
+    heights = []
+    for run in (planned.fine, *planned.coarser):
+        (case,) = run.study.cases()
+        heights.append(surface_of(case).heights * case.height / surface_of(case).Sq)
+    for k, coarse in enumerate(heights):
+        assert coarse == pytest.approx(heights[0][:: 2**k, :: 2**k], rel=1e-12)
+    assert len(heights) == 3
+
+
 @pytest.mark.parametrize(("separation", "grids"), [(7.7, 0), (2.7, 2)])
 def test_a_card_says_which_of_its_other_runs_failed(separation: float, grids: int) -> None:
     z = np.random.default_rng(0).standard_normal((64, 64))

@@ -80,11 +80,10 @@ def plan(study: Study, at: Level, together: Sequence[Level] = ()) -> Plan:
         raise StudyError(_of_level(error, at)) from error
     coarser: list[Planned] = []
     for factor, words in COARSER.items():
-        keys = _coarser(study, factor)
-        if keys is None:
-            continue
         try:
-            coarser.append(_at_equal_pressure(study, levels, keys, words))
+            keys = _coarser(study, factor)
+            if keys is not None:
+                coarser.append(_at_equal_pressure(study, levels, keys, words))
         except StudyError:  # a grid too coarse for the waves of the surface; the card says what is not known
             break
     levelled = None
@@ -162,7 +161,12 @@ def _coarser(study: Study, factor: int) -> dict[str, Any] | None:
     m = surface.m[0] - factor // 2
     if 2 ** (surface.m[0] - 1) + 1 < FEWEST_NODES:
         return None
-    return _held(surface, 2**m) if isinstance(surface, SpectralSurface) else {"m": m}
+    if isinstance(surface, SpectralSurface):
+        return _held(surface, 2**m)
+    if surface.height is None:
+        return {"m": m}
+    own, coarse = (surface_of(grid.cases()[0]).Sq for grid in (study, study.changed(**{"surface.m": m})))
+    return {"m": m, "Sq": surface.height * coarse / own}  # the heights that the first surface has at these nodes
 
 
 def _held(surface: SpectralSurface, n: int) -> dict[str, Any] | None:
