@@ -1,4 +1,4 @@
-"""A stored run, as claims see it."""
+"""A stored run: its name, dataset and study."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Self, TypeVar
 
 import numpy as np
 from xarray import DataArray, Dataset
@@ -15,9 +15,6 @@ from xarray import DataArray, Dataset
 from roughvol.errors import DatasetError
 from roughvol.store.variants import parts_of, study_in
 from roughvol.study import GeneratedSurface, HeightFile, MadeSurface, SpectralSurface, Study
-from roughvol.surfaces.midpoint import random_midpoint_displacement
-from roughvol.surfaces.surface import Surface
-from roughvol.typing import Array
 
 Part = TypeVar("Part")
 Answer = TypeVar("Answer")
@@ -73,7 +70,7 @@ class Run:
     study: Study | None = None
 
     @classmethod
-    def of(cls, name: str, dataset: Dataset) -> Run:
+    def of(cls, name: str, dataset: Dataset) -> Self:
         """Return the run of a dataset as `dataset.read` gives it; a `DatasetError` if a dimension has no labels."""
         if (study := study_in(dataset)) is None:
             return cls(name, dataset)
@@ -86,12 +83,12 @@ class Run:
         return cls(name, dataset, study)
 
     @property
-    def parts(self) -> list[Run]:
+    def parts(self) -> list[Self]:
         """The run of each combination of the lists of its study; itself without lists."""
         parts = parts_of(self.dataset)
         if not parts[0].words:
             return [self]
-        return [Run.of(f"{self.name}, {part.words}", part.dataset) for part in parts]
+        return [self.of(f"{self.name}, {part.words}", part.dataset) for part in parts]
 
     @property
     def generated(self) -> GeneratedSurface | None:
@@ -111,40 +108,9 @@ class Run:
         return self.generated.midpoint_law if self.generated else ""
 
     @property
-    def end(self) -> str:
-        """Where the sweep ends, empty where nothing was pressed."""
-        return self.study.sweep.target.label if self.study and self.study.sweep.steps else ""
-
-    @property
-    def origin(self) -> str:
-        """Where the heights come from, empty of free patches by midpoint displacement."""
-        if self.generated is not None:
-            return "" if self.generated.sides == "free" else f"{self.generated.sides} surfaces"
-        if self.spectral is not None:
-            return "surfaces with a spectrum"
-        return "heights from a file" if "case" in self.dataset.dims else "its study cannot be read again"
-
-    @property
-    def steps(self) -> int:
-        """Steps of the sweep, 0 where nothing was pressed."""
-        if self.study is not None:
-            return self.study.sweep.steps
-        return int(self.dataset.sizes.get("step", 0))
-
-    @property
     def rtol(self) -> float:
         """Largest residual η/σ that the solver was allowed to leave."""
         return self.study.solving.tolerance if self.study else math.inf
-
-    @property
-    def scaled(self) -> bool:
-        """Whether the heights were scaled to an Sq that the study names."""
-        return self.generated is not None and self.generated.height is not None
-
-    @property
-    def shallowest(self) -> float:
-        """Largest d/σ of a last state."""
-        return float(self.dataset["separation"].isel(step=-1).max()) if "separation" in self.dataset else math.inf
 
     def computed(self, *, D: float, m: int) -> int:
         """Return how many surfaces of one D and m are stored."""
@@ -173,23 +139,3 @@ class Run:
     def seeds(self) -> int:
         """Number of surfaces of each D and m."""
         return int(self.dataset.sizes["seed"])
-
-    def values(self, name: str, *, D: float, m: int) -> Array:
-        """Return a stored variable of one D and m, the surfaces along the first axis."""
-        case = self.dataset[name].sel(D=D, m=m)
-        return np.asarray(case.transpose("seed", ...).values, dtype=np.float64)
-
-    def last(self, name: str, *, D: float, m: int) -> Array:
-        """Return a variable at the last step, shape (seeds,)."""
-        return self.values(name, D=D, m=m)[:, -1]
-
-    def surface(self, D: float, m: int, seed: int) -> Surface:
-        """Return the surface of a case, made again from its labels (nothing of it needs to be stored)."""
-        periodic = self.generated is not None and self.generated.periodic
-        made = random_midpoint_displacement(D, m, side=self.L, seed=seed, law=self.law, periodic=periodic)
-        height = self.generated.height if self.generated else None
-        return made if height is None else made.scaled(height)
-
-    def seed_numbers(self) -> list[int]:
-        """Return the seeds."""
-        return [int(seed) for seed in self.dataset["seed"].values]

@@ -9,6 +9,7 @@ knows all others, and only the command line knows it.
 `formulas`      formulas of the paper and of the literature
 `closed_forms`  indenters and loaded rectangles, as references
 `literature`    numbers of the literature, judged as claims are
+`claim_run`     a stored run as claims see it
 `needs`         configuration that a claim or a number needs, and reasons to refuse a run
 `judgement`     every claim answered from the runs of a report, departures from expected ones
 `sections`      sections of the claims and of the literature on a page

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from roughvol.analysis.stored_run import Run
 from roughvol.errors import DatasetError
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims import ABSENT, Claim, Evidence, Lacking, assess
 from roughvol.reproduction.claims.ambiguities import SERVES, readings
 from roughvol.reproduction.claims.ensemble_means import Answers, answers
@@ -35,15 +35,15 @@ class Judgement:
     With ``any_size`` small runs count too, for trials and not for verdicts.
     """
 
-    runs: tuple[Run, ...]
+    runs: tuple[ClaimRun, ...]
     claims: tuple[Claim, ...]
     readings: tuple[Reading, ...]
     seeds: ManySeeds | None
     estimates: tuple[Ratio, ...]
     answers: tuple[Answers, ...] = ()
     literature: tuple[Claim, ...] = ()
-    own: tuple[Run, ...] = ()
-    cited: tuple[Run, ...] = ()
+    own: tuple[ClaimRun, ...] = ()
+    cited: tuple[ClaimRun, ...] = ()
     any_size: bool = False
 
     @property
@@ -69,7 +69,7 @@ def judge(stored: Sequence[StoredRun | str | Path], *, any_size: bool = False) -
     if not opened:
         raise DatasetError("no run to report on")
     named = zip(names_of([run.file for run in opened]), opened, strict=True)
-    runs = tuple(part for name, run in named for part in Run.of(name, run.dataset).parts)
+    runs = tuple(part for name, run in named for part in ClaimRun.of(name, run.dataset).parts)
     rows = tuple(assess(Evidence(runs, any_size), LITERATURE))
     sources = {name for row in rows for name in row.source}
     cited = tuple(run for run in runs if run.name in sources)

@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from roughvol.analysis.stored_run import Run
 from roughvol.observables.variables import VARIABLES
 from roughvol.report.figures import cases
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.typing import Sides
 
 SAME = 1e-9  # largest difference of two equal D, L or tolerances
@@ -55,23 +55,23 @@ class Needs:
     states: tuple[tuple[str, str], ...] = _of_size(())  # dimension and label, as ("box_at", "pressure=2.4")
     optional: bool = False  # the claim can do without
 
-    def unfit(self, run: Run) -> tuple[str, ...]:
+    def unfit(self, run: ClaimRun) -> tuple[str, ...]:
         """Return every reason for which a run is refused, in words; none if it fits."""
         for reasons in (self._of_others, self._unrecorded, self._unlike, self._incomplete):
             if found := tuple(reasons(run)):
                 return found
         return ()
 
-    def _of_others(self, run: Run) -> Iterable[str]:
+    def _of_others(self, run: ClaimRun) -> Iterable[str]:
         """Yield why the surfaces of a run are of another kind."""
         if run.origin:
             yield run.origin
 
-    def _unrecorded(self, run: Run) -> Iterable[str]:
+    def _unrecorded(self, run: ClaimRun) -> Iterable[str]:
         if absent := [name for name in self.holds if name not in run.dataset]:
             yield f"no {', '.join(map(symbol, absent))} recorded"
 
-    def _unlike(self, run: Run) -> Iterable[str]:
+    def _unlike(self, run: ClaimRun) -> Iterable[str]:
         """Yield reasons of size, of the law, of the sweep and of records."""
         D, m = run.D, run.m
         if any(min(abs(wanted - value) for value in D) > SAME for wanted in self.D):
@@ -106,13 +106,13 @@ class Needs:
             if label not in map(str, stored):
                 yield f"nothing recorded at {label}"
 
-    def _of_path(self, run: Run) -> Iterable[str]:
+    def _of_path(self, run: ClaimRun) -> Iterable[str]:
         if "plastic_volume" in run.dataset:
             yield "pressures end at a hardness, needs elastic contact"
         if "leg" in run.dataset:
             yield "a path of legs, needs one sweep"
 
-    def _of_solver(self, run: Run) -> Iterable[str]:
+    def _of_solver(self, run: ClaimRun) -> Iterable[str]:
         if run.steps and run.rtol > self.rtol * (1.0 + SAME):
             yield f"residual up to {run.rtol:g}, needs {self.rtol:g}"
         if self.kernel and run.study is not None and run.study.kernel().name != self.kernel:
@@ -122,7 +122,7 @@ class Needs:
         """Return whether values of ``by`` are compared without being named."""
         return bool(self.by) and not {"D": self.D, "m": self.m}[self.by]
 
-    def _incomplete(self, run: Run) -> Iterable[str]:
+    def _incomplete(self, run: ClaimRun) -> Iterable[str]:
         """Yield reasons of missing cases, where only some of a study were computed."""
         D_asked = [cases.nearest(run.D, D) for D in self.D] or run.D
         m_asked = [*self.m, max(run.m)] if self.finest else list(self.m)
@@ -143,7 +143,7 @@ class Needs:
         sizes["D"] = self.D if len(self.D) == 1 else ()
         return replace(self, **sizes, end="" if "=" in self.end else self.end)
 
-    def rank(self, run: Run) -> tuple[int, ...]:
+    def rank(self, run: ClaimRun) -> tuple[int, ...]:
         """Return the order of runs that fit: values compared, finest m, surfaces, D and m in all, steps."""
         compared = {"": 0, "D": len(run.D), "m": len(run.m)}[self.by]
         return compared, max(run.m), run.seeds, len(run.D), len(run.m), run.steps
@@ -169,7 +169,7 @@ class Rolled(Needs):
     resolved: float = _of_size(0.0, "λ_s/δ >= {}")  # of the finest grid
     area: tuple[float, ...] = _of_size((), "steps between A* = {}")  # that the steps must reach
 
-    def _of_others(self, run: Run) -> Iterable[str]:
+    def _of_others(self, run: ClaimRun) -> Iterable[str]:
         if run.spectral is None:
             yield "no surfaces with a spectrum"
         elif not run.spectral.periodic:
@@ -177,7 +177,7 @@ class Rolled(Needs):
         elif run.spectral.Ssk is not None or run.spectral.anisotropy != 1.0:
             yield "skewed or anisotropic surfaces, needs Gaussian isotropic ones"
 
-    def _unlike(self, run: Run) -> Iterable[str]:
+    def _unlike(self, run: ClaimRun) -> Iterable[str]:
         assert run.spectral is not None
         yield from self._of_path(run)
         if run.spectral.rolloff < self.rolloff * (1.0 - SAME):
@@ -189,7 +189,7 @@ class Rolled(Needs):
             yield f"λ_s/δ = {max(ratios):g}, needs {self.resolved:g}"
         yield from self._of_solver(run)
 
-    def _incomplete(self, run: Run) -> Iterable[str]:
+    def _incomplete(self, run: ClaimRun) -> Iterable[str]:
         if reasons := list(super()._incomplete(run)):
             yield from reasons
         elif self.area:
@@ -198,7 +198,7 @@ class Rolled(Needs):
             if least > self.area[0] * (1.0 + ROUND) or largest < self.area[1] * (1.0 - ROUND):
                 yield f"needs steps from A* = {self.area[0]:g} to {self.area[1]:g}"
 
-    def rank(self, run: Run) -> tuple[int, ...]:
+    def rank(self, run: ClaimRun) -> tuple[int, ...]:
         """Return the order of runs that fit: grids, finest grid, surfaces, steps."""
         return len(run.m), max(run.m), run.seeds, run.steps
 
@@ -216,27 +216,27 @@ class Files(Needs):
     sides: Sides = "periodic"
     origin: str = ""  # where to find the files, in words
 
-    def _of_others(self, run: Run) -> Iterable[str]:
+    def _of_others(self, run: ClaimRun) -> Iterable[str]:
         stored = set(map(str, run.dataset["case"].values)) if "case" in run.dataset.dims and run.study else set()
         if not stored:
             yield "no heights from a file"
         elif absent := [name for name in self.names if name not in stored]:
             yield f"no file {', '.join(absent)}"
 
-    def _unlike(self, run: Run) -> Iterable[str]:
+    def _unlike(self, run: ClaimRun) -> Iterable[str]:
         assert run.study is not None
         if run.study.surface.sides != self.sides:
             yield f"sides {run.study.surface.sides}, needs {self.sides}"
         yield from self._of_solver(run)
 
-    def _incomplete(self, run: Run) -> Iterable[str]:
+    def _incomplete(self, run: ClaimRun) -> Iterable[str]:
         return ()
 
     def relaxed(self) -> Files:
         """Return the configuration itself: a file has no size to relax."""
         return self
 
-    def rank(self, run: Run) -> tuple[int, ...]:
+    def rank(self, run: ClaimRun) -> tuple[int, ...]:
         """Return the order of runs that fit: files, steps."""
         return run.dataset.sizes["case"], run.steps
 
@@ -246,7 +246,7 @@ class Files(Needs):
         return f"{', '.join(self.names)}{where}, kernel {self.kernel}"
 
 
-def ratios_of(run: Run) -> dict[int, float]:
+def ratios_of(run: ClaimRun) -> dict[int, float]:
     """Return λ_s/δ of each m of a run of surfaces with a spectrum."""
     assert run.spectral is not None
     return {m: 2.0**m / run.spectral.shortest_ratio for m in run.m}
@@ -273,7 +273,7 @@ def _count(number: int, noun: str) -> str:
 # The paper's configurations -----------------------------------------------------------------------------------------
 
 PAPER_D, PAPER_M = cases.SHOWN_D, cases.SHOWN_M  # Figs. 4b and 7 to 12b
-PAPER_A = cases.SHOWN_A  # contact area in Figs. 8 to 11
+PAPER_A = 0.1  # contact area in Figs. 8 to 11
 
 _SWEEP = Needs(seeds=10, steps=60, end="mean-plane", rtol=1e-6, kernel="love")
 BY_D = replace(_SWEEP, by="D", D=(2.1, 2.3, 2.5, 2.7, 2.9), finest=8)

@@ -89,7 +89,8 @@ def main() -> None:
 def _draw(closing: list[float], path: Path) -> None:
     import matplotlib as mpl
 
-    from roughvol.report.figures.style import ACCENT, COLUMN, GREY, STYLE, canvas
+    from roughvol.report.figures.style import COLUMN, GREY, STYLE, canvas
+    from roughvol.reproduction.figures.conditions import ACCENT
 
     dry = [(inlet, load) for (inlet, outlet), load in zip(PRESSURES, closing, strict=True) if outlet == 0.0]
     other = [(inlet, load) for (inlet, outlet), load in zip(PRESSURES, closing, strict=True) if outlet > 0.0]

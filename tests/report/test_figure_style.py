@@ -13,7 +13,8 @@ from matplotlib import font_manager
 
 from roughvol.errors import DatasetError
 from roughvol.report.figures import style
-from roughvol.report.figures.style import ACCENT, CONTACT, GREY, SECOND, STYLE, lightness, looks, luminance, unit_text
+from roughvol.report.figures.style import CONTACT, GREY, STYLE, lightness, looks, luminance, unit_text
+from roughvol.reproduction.figures.conditions import ACCENT, SECOND
 from roughvol.reproduction.figures.registry import FIGURES
 
 pytestmark = pytest.mark.layout  # every figure is saved once with its layout

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from roughvol.analysis.stored_run import Run
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.ensemble_means import HEAD, answers
 from roughvol.reproduction.judgement import judge
 from roughvol.store import dataset
@@ -33,7 +33,7 @@ def results(file: Path) -> Dataset:
 
 
 def test_a_statement_is_undecided_where_its_interval_contains_the_limit(results: Dataset) -> None:
-    (found,) = answers([Run.of("trial", results)])
+    (found,) = answers([ClaimRun.of("trial", results)])
     rows = {row[0]: row for row in found.rows}
     assert all(len(row) == len(HEAD) for row in found.rows)
     row = rows["V* at d/σ = 0 grows from D = 2.1 to 2.9"]
@@ -47,14 +47,14 @@ def test_a_statement_is_undecided_where_its_interval_contains_the_limit(results:
 
 
 def test_the_exponent_of_the_area_is_that_of_its_last_levels(results: Dataset) -> None:
-    (found,) = answers([Run.of("trial", results)])
+    (found,) = answers([ClaimRun.of("trial", results)])
     (row,) = [row for row in found.rows if row[0].startswith("n > 0") and row[0].endswith("D = 2.9")]
     means = results.contact_area_fraction_level_mean.sel(D=2.9, ensemble_at="pressure=0.1").values
     assert math.isclose(float(row[1]), math.log2(means[-2] / means[-1]), rel_tol=1e-3)
 
 
 def test_a_run_of_seeds_has_no_such_section(results: Dataset) -> None:
-    assert not list(answers([Run.of("seeds", results.drop_vars("ensemble_samples"))]))
+    assert not list(answers([ClaimRun.of("seeds", results.drop_vars("ensemble_samples"))]))
 
 
 def test_the_page_of_an_ensemble_has_the_section(file: Path) -> None:

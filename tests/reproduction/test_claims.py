@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from roughvol.analysis.stored_run import Run
 from roughvol.campaign import one_case
 from roughvol.gap.box_counting import box_counts
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims import ABSENT, CLAIMS, FAILS, HOLDS, QUALIFIED, Check, Claim, Evidence, Number, assess
 from roughvol.reproduction.claims import statistics as stats
 from roughvol.reproduction.claims.density import pooled
@@ -29,9 +29,9 @@ from roughvol.study import GeneratedSurface, Study, loads
 
 
 @pytest.fixture(scope="module")
-def small(small_study: Path) -> Run:
+def small(small_study: Path) -> ClaimRun:
     """One run of three D, three m and four seeds that records all there is."""
-    return Run.of("small", dataset.read(small_study))
+    return ClaimRun.of("small", dataset.read(small_study))
 
 
 @pytest.fixture(scope="module")
@@ -39,12 +39,12 @@ def claims(answered: Judgement) -> dict[int, Claim]:
     return {claim.id: claim for claim in answered.claims}
 
 
-def _any(*runs: Run) -> Evidence:
+def _any(*runs: ClaimRun) -> Evidence:
     """Return evidence that small runs count in: what is tested is how a claim is judged, not of what."""
     return Evidence(runs, any_size=True)
 
 
-def _with(run: Run, **variables: xr.DataArray) -> Run:
+def _with(run: ClaimRun, **variables: xr.DataArray) -> ClaimRun:
     return dataclasses.replace(run, dataset=run.dataset.assign(variables))
 
 
@@ -141,7 +141,7 @@ def test_slope_and_straightness_of_a_line() -> None:
 # what claims are made of
 
 
-def test_a_run_with_what_is_asked_for_is_found_by_what_it_holds(small: Run) -> None:
+def test_a_run_with_what_is_asked_for_is_found_by_what_it_holds(small: ClaimRun) -> None:
     coarse = dataclasses.replace(small, name="coarse", dataset=small.dataset.isel(m=[0]))
     few = dataclasses.replace(small, name="few", dataset=small.dataset.isel(seed=[0]))
     assert Evidence((coarse, few, small)).best(Needs(("free_volume",), by="D")).name == "small"
@@ -150,7 +150,7 @@ def test_a_run_with_what_is_asked_for_is_found_by_what_it_holds(small: Run) -> N
         Evidence((small,)).best(Needs(("free_volume",), law="variance"))
 
 
-def test_a_run_remakes_its_surfaces(small: Run) -> None:
+def test_a_run_remakes_its_surfaces(small: ClaimRun) -> None:
     surface = small.surface(2.3, 5, seed=1)
     assert surface.Sq == float(small.dataset["Sq"].sel(D=2.3, m=5, seed=1))
 
@@ -179,7 +179,7 @@ def test_dimension_of_the_plane_and_of_a_line_are_exact() -> None:
 # planted truths and falsehoods
 
 
-def test_a_planted_exponent_is_found(small: Run) -> None:
+def test_a_planted_exponent_is_found(small: ClaimRun) -> None:
     pressure = small.dataset["mean_pressure"]
     for planted, verdict in ((0.37, HOLDS), (0.9, FAILS)):
         area = 0.1 * pressure * 2.0 ** (-planted * small.dataset["m"])
@@ -188,7 +188,7 @@ def test_a_planted_exponent_is_found(small: Run) -> None:
         assert claim.verdict == verdict
 
 
-def test_slopes_are_those_of_the_line_through_the_origin(small: Run) -> None:
+def test_slopes_are_those_of_the_line_through_the_origin(small: ClaimRun) -> None:
     area = 0.07 * small.dataset["mean_pressure"]
     slopes, _ = area_slopes(_with(small, contact_area_fraction=area), small.D, small.m)
     assert all(np.allclose(each, 0.07, rtol=1e-12) for each in slopes.values())
@@ -204,7 +204,7 @@ def test_a_surface_that_is_not_pressed_has_no_slope_and_others_take_their_first_
     assert slopes["late"].tolist() == pytest.approx([0.1, np.nan], nan_ok=True)
 
 
-def test_volume_independent_of_D_is_seen_as_such(small: Run) -> None:
+def test_volume_independent_of_D_is_seen_as_such(small: ClaimRun) -> None:
     area = small.dataset["contact_area_fraction"]
     scatter = 1.0 + 0.2 * xr.DataArray([-1.0, 1.0, -0.5, 0.5], dims="seed")
     claim = CLAIMS[7](_any(_with(small, free_volume=((1.0 - area) * scatter).transpose(*area.dims))))
@@ -212,7 +212,7 @@ def test_volume_independent_of_D_is_seen_as_such(small: Run) -> None:
     assert claim.checks[-1].met
 
 
-def test_more_volume_at_larger_D_is_a_dependence(small: Run) -> None:
+def test_more_volume_at_larger_D_is_a_dependence(small: ClaimRun) -> None:
     volume = (2.0 - small.dataset["mean_pressure"] / 10.0) * small.dataset["D"]
     claim = CLAIMS[20](_any(_with(small, free_volume=volume.transpose(*small.dataset["free_volume"].dims))))
     assert claim.verdict == HOLDS
@@ -220,7 +220,7 @@ def test_more_volume_at_larger_D_is_a_dependence(small: Run) -> None:
     assert reverse.verdict == FAILS
 
 
-def test_a_step_that_goes_the_wrong_way_is_counted(small: Run) -> None:
+def test_a_step_that_goes_the_wrong_way_is_counted(small: ClaimRun) -> None:
     volume = small.dataset["free_volume"].copy(deep=True)
     volume[0, 0, 0, 5] += 1.0
     far = _with(small, separation=small.dataset["separation"] - 100.0)  # as if it had been pressed on to full contact
@@ -258,12 +258,12 @@ def test_readings_need_only_one_run(answered: Judgement) -> None:
     assert scaled[2].number.value == pytest.approx(scaled[0].number.value / 0.75)
 
 
-def test_many_seeds_contain_the_mean_and_narrow_as_they_should(small: Run) -> None:
+def test_many_seeds_contain_the_mean_and_narrow_as_they_should(small: ClaimRun) -> None:
     with pytest.raises(Lacking):
         many_seeds(_any(small))
     study: Study = loads("{surface: {D: [2.1, 2.9], m: 2, seeds: 40}, sweep: {steps: 3}, name: many}")
     computed = dataset.combine([one_case.run_case(case) for case in study.cases()], {"study": study.to_yaml()})
-    many = Run.of("many", computed)
+    many = ClaimRun.of("many", computed)
     _, spreads, flips = many_seeds(_any(many))
     for spread in spreads:
         assert spread.one[0] < spread.ten[0] < spread.many.value < spread.ten[1] < spread.one[1]
@@ -285,7 +285,7 @@ BY_D = {"D": [2.1, 2.3, 2.5, 2.7, 2.9], "m": [7, 8], "seeds": 10, "steps": 60, "
 BY_M = BY_D | {"D": [2.3], "m": [3, 4, 5, 6, 7, 8]}
 
 
-def _fabricated(name: str, offset: float = 0.0, **changes: object) -> Run:
+def _fabricated(name: str, offset: float = 0.0, **changes: object) -> ClaimRun:
     """Return a run with smooth numbers made up, of the paper's configuration or one changed; nothing is computed."""
     given = BY_D | {"L": 100.0, "law": "std", "rtol": 1e-6, "bins": 50} | changes
     study: Study = loads(PAPER_RUN.format(name=name, **given), file=name)
@@ -307,7 +307,7 @@ def _fabricated(name: str, offset: float = 0.0, **changes: object) -> Run:
     data["separation"] = (dims, separation)
     data["Sq"] = (dims[:3], np.ones([sizes[dim] for dim in dims[:3]]))
     data.attrs["study"] = study.to_yaml()
-    return Run.of(name, data)
+    return ClaimRun.of(name, data)
 
 
 TOYS: dict[str, dict[str, Any]] = {
@@ -323,12 +323,12 @@ TOYS: dict[str, dict[str, Any]] = {
 
 
 @pytest.fixture(scope="module")
-def paper() -> list[Run]:
+def paper() -> list[ClaimRun]:
     return [_fabricated("by_D"), _fabricated("by_m", **BY_M)]
 
 
 @pytest.fixture(scope="module")
-def answers(paper: list[Run]) -> dict[int, dict[str, Any]]:
+def answers(paper: list[ClaimRun]) -> dict[int, dict[str, Any]]:
     return {claim["id"]: claim for claim in plain(assess(paper))}
 
 
@@ -338,7 +338,7 @@ def test_runs_of_the_paper_answer(answers: dict[int, dict[str, Any]]) -> None:
     assert answers[4]["source"] == ["by_m"]
 
 
-def test_toys_change_no_verdict_and_no_number(paper: list[Run], answers: dict[int, dict[str, Any]]) -> None:
+def test_toys_change_no_verdict_and_no_number(paper: list[ClaimRun], answers: dict[int, dict[str, Any]]) -> None:
     toys = [_fabricated(name, offset=0.3, **changes) for name, changes in TOYS.items()]
     for claim in plain(assess([*toys[::2], *paper, *toys[1::2]])):
         # how V*, A* and p* rise is asked of every sweep of the paper's size

@@ -22,7 +22,7 @@ from roughvol.errors import DatasetError
 from roughvol.gap.free_volume import volume_density
 from roughvol.observables.variables import VARIABLES
 from roughvol.report.figures import curves
-from roughvol.report.figures.families import ENOUGH, merged
+from roughvol.reproduction.figures.element_volumes import ENOUGH, merged
 from roughvol.reproduction.figures.registry import FIGURES
 from roughvol.store.dataset import combine
 from roughvol.store.record_key import record_key

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from roughvol.analysis.stored_run import Run
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims import Evidence
 from roughvol.reproduction.claims.leak_estimates import ratios
 from roughvol.reproduction.judgement import judge
@@ -18,12 +18,12 @@ from tests.reproduction import kit
 STATES = ("seed", "step", "axis")
 
 
-def run_with(area, medium, junction, flow) -> Run:
+def run_with(area, medium, junction, flow) -> ClaimRun:
     states = {"contact_area_fraction": area, "estimate_medium_transmissivity": medium}
     along = {"estimate_junction_transmissivity": junction, "transmissivity": flow}
     made = {name: (STATES[:2], np.array(values)) for name, values in states.items()}
     made |= {name: (STATES, np.stack([values, values], axis=-1)) for name, values in along.items()}
-    return Run("by hand", xr.Dataset(made))
+    return ClaimRun("by hand", xr.Dataset(made))
 
 
 def test_ratios_by_hand() -> None:
@@ -47,7 +47,7 @@ def test_a_run_without_estimates_or_with_few_states_says_nothing() -> None:
     few = [[0.15, 0.16]]
     assert ratios(Evidence((run_with(few, few, few, few),))) == []
     lacking = run_with(few, few, few, few)
-    assert ratios(Evidence((Run("x", lacking.dataset.drop_vars("transmissivity")),))) == []
+    assert ratios(Evidence((ClaimRun("x", lacking.dataset.drop_vars("transmissivity")),))) == []
 
 
 def test_the_report_says_how_wrong_they_are(tmp_path: Path) -> None:

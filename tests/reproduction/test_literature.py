@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.analysis.stored_run import Run
 from roughvol.errors import ContactError
 from roughvol.report import page
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims import ABSENT, FAILS, HOLDS, QUALIFIED, Claim, Evidence, assess
 from roughvol.reproduction.claims import statistics as stats
 from roughvol.reproduction.claims.verdict import Check, Number
@@ -249,7 +249,8 @@ def test_small_runs_answer_the_rows_where_size_does_not_count(report: Judgement)
 
 def test_small_runs_are_refused_with_a_reason(runs: dict[str, Path]) -> None:
     rows = {
-        row.id: row for row in assess([Run.of(name, dataset.read(path)) for name, path in runs.items()], LITERATURE)
+        row.id: row
+        for row in assess([ClaimRun.of(name, dataset.read(path)) for name, path in runs.items()], LITERATURE)
     }
     assert {row.id for row in rows.values() if row.verdict != ABSENT} == {16}
     assert "L/λ_r = 2, needs 16" in dict(rows[6].refused)["rough"]
@@ -258,7 +259,7 @@ def test_small_runs_are_refused_with_a_reason(runs: dict[str, Path]) -> None:
 
 
 def test_needs_see_what_a_run_is(runs: dict[str, Path]) -> None:
-    run = Run.of("rough", dataset.read(runs["rough"]))
+    run = ClaimRun.of("rough", dataset.read(runs["rough"]))
     assert Rolled().unfit(run) == ()
     assert Rolled(area=(0.1, 0.8)).unfit(run) == ()
     assert Rolled(area=(0.1, 0.9)).unfit(run) == ("needs steps from A* = 0.1 to 0.9",)
@@ -268,7 +269,7 @@ def test_needs_see_what_a_run_is(runs: dict[str, Path]) -> None:
 
 
 def test_another_surface_under_the_name_fails(runs: dict[str, Path]) -> None:
-    run = Run.of("mirco", dataset.read(runs["mirco"]))
+    run = ClaimRun.of("mirco", dataset.read(runs["mirco"]))
     pressure = run.dataset["mean_pressure"] * (1.0 + 1e-6)
     changed = dataclasses.replace(run, dataset=run.dataset.assign(mean_pressure=pressure))
     rows = {row.id: row for row in assess([changed], LITERATURE)}

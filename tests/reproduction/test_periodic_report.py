@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from roughvol.analysis.stored_run import Run
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.figures.conditions import is_paper_surface
 from roughvol.reproduction.figures.registry import ALL, FIGURES
 from roughvol.reproduction.judgement import judge
@@ -25,8 +25,8 @@ record:
 """
 
 
-def _run(surface: str, folder: Path) -> Run:
-    return Run.of("other", dataset.read(kit.stored(folder, other=f"surface: {{{surface}}}\n{RECORD}")["other"]))
+def _run(surface: str, folder: Path) -> ClaimRun:
+    return ClaimRun.of("other", dataset.read(kit.stored(folder, other=f"surface: {{{surface}}}\n{RECORD}")["other"]))
 
 
 @pytest.mark.parametrize(

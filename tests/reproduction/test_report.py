@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 import roughvol
-from roughvol.analysis.stored_run import Run
 from roughvol.errors import DatasetError
 from roughvol.report import page as report_page
 from roughvol.report import run_facts
 from roughvol.report.figures.registry import TRADEOFF
 from roughvol.reproduction import judgement
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims import ABSENT, FAILS, HOLDS, Evidence, Lacking
 from roughvol.reproduction.figures.registry import ALL, COMPARISONS
 from roughvol.reproduction.judgement import Judgement, judge
@@ -408,5 +408,5 @@ def test_the_page_is_light_and_dark_prints_and_fits_a_phone(html: str) -> None:
 )
 def test_a_bound_is_certified_where_it_is_proved_for_the_kernel(kernel: str, words: str, tmp_path: Path) -> None:
     study = loads(f"surface: {{D: 2.3, m: 3, seeds: 1}}\nsweep: {{steps: 2}}\nsolver: {{kernel: {kernel}}}")
-    found = dict(run_facts.facts(Run.of("s", roughvol.run(study, out=tmp_path, jobs=1))).loading)
+    found = dict(run_facts.facts(ClaimRun.of("s", roughvol.run(study, out=tmp_path, jobs=1))).loading)
     assert found[words].endswith("relative" if kernel == "love" else "; not proved for the kernel punch")

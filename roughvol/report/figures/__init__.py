@@ -15,7 +15,6 @@
 `families`          curves, states and densities read from a dataset
 `ways`              flow along a direction, where it stops, how both are drawn
 `curves`            curves of several surfaces on one axes
-`relief`            lit surfaces in perspective
 `origin`            the note below a figure
 `style`             sizes, colours, labels, units, legends
 ==================  ==================================================================

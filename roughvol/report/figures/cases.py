@@ -14,7 +14,6 @@ from typing import TypeVar
 from roughvol.study import Case
 
 SHOWN_D, SHOWN_M = 2.3, 7  # of the single surface
-SHOWN_A = 0.1  # contact area of the single state
 FINEST = 1e9  # a wish for the largest m
 
 Key = TypeVar("Key")
@@ -34,11 +33,6 @@ def nearest_surface(surfaces: Mapping[Key, tuple[float | None, float | None]]) -
         return [(0.0, 0.0) if value is None else _distance(value, wish) for value, wish in wishes]
 
     return min(surfaces, key=distance)
-
-
-def nearest_state(areas: Mapping[Key, float]) -> Key:
-    """Return the key of the A* nearest to the single state, the first of two."""
-    return min(areas, key=lambda key: abs(areas[key] - SHOWN_A))
 
 
 def by_D(cases: Sequence[Case], wish: float = FINEST) -> list[Case]:

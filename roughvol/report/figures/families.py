@@ -1,8 +1,8 @@
-"""Read from a dataset, for figures: families of surfaces that share a curve, single surfaces, states, densities.
+"""Read from a dataset, for figures: families of surfaces that share a curve, single surfaces.
 
 Nothing is solved here, and nothing is drawn. A comparison of D is at the largest m (or the m nearest a wish), one of m
-at the D nearest 2.3; a single case is that nearest to D = 2.3, m = 7 and A* = 0.1 (`cases`). A study of files
-(dimension ``case``) has its curves labelled by case.
+at the D nearest 2.3; a single case is that nearest to D = 2.3, m = 7 (`cases`). A study of files (dimension ``case``)
+has its curves labelled by case.
 """
 
 from __future__ import annotations
@@ -17,18 +17,12 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from xarray import DataArray, Dataset
 
-from roughvol.analysis.units import sigma
-from roughvol.gap.free_volume import element_volumes
 from roughvol.observables.at_state import at_state
-from roughvol.report.figures.cases import FINEST, SHOWN_D, nearest, nearest_state, nearest_surface
-from roughvol.report.figures.style import A, Drawing, P, looks
-from roughvol.store.dataset import recorded_state
-from roughvol.typing import Array, Mask
+from roughvol.report.figures.cases import FINEST, SHOWN_D, nearest, nearest_surface
+from roughvol.report.figures.style import Drawing, looks
+from roughvol.typing import Array
 
 Curve = tuple[Array, Array]
-
-ENOUGH = 25  # elements in a bin of a density: a fifth of noise
-PER_DECADE = 12  # bins on a logarithmic axis at most
 
 
 class Family(NamedTuple):
@@ -124,29 +118,9 @@ def file_text(name: str) -> str:
     return name.replace("$", r"\$").lstrip("_")
 
 
-def state(ds: Dataset, at: str, *variables: str) -> tuple[Dataset, str, str]:
-    """Return the single case at its recorded state (along `at`) nearest to A* = 0.1, and both in words."""
-    case, name = single(ds, *variables)
-    places = np.flatnonzero(case[f"{at}_step"].values > 0).tolist()  # -1: never reached
-    reached = {k: recorded_state(case, at, k) for k in places}
-    chosen = reached[nearest_state({k: float(candidate[A]) for k, candidate in reached.items()})]
-    return chosen, name, rf"$A^{{\ast}} = {float(chosen[A]):.3f}$, $p^{{\ast}} = {float(chosen[P]):.2f}$"
-
-
 def own(field: DataArray) -> DataArray:
     """Return a field (x along axis 0) without the nodes that only finer lattices of the dataset have."""
     return field.dropna("x", how="all").dropna("y", how="all").transpose("x", "y")
-
-
-def volumes(ds: Dataset) -> tuple[Dataset, Array, Mask, dict[str, Any], str]:
-    """Return the one state, its v [length³] and contact, how their image lies in its axes, and the state in words."""
-    case, name, words = state(ds, "field_at", "gap")
-    gap = own(case["gap"])
-    x, y, contact = gap["x"].values, gap["y"].values, gap.values == 0.0
-    v = element_volumes(gap.values * float(sigma(case)), float(case["L"]) * x[1], contact)
-    half = x[1] / 2  # a node is the centre of its element
-    extent = (-half, x[-1] + half, -half, y[-1] + half)
-    return case, v, contact, {"origin": "lower", "extent": extent, "interpolation": "none"}, f"{name}: {words}"
 
 
 def curves(family: Family, x: str, y: str) -> list[Curve]:
@@ -169,48 +143,3 @@ def several(counts: Iterable[int]) -> str:
     """Return the smallest and the largest number of surfaces beyond one, as 5-10, empty if there is none."""
     numbers = sorted(count for count in counts if count > 1)
     return "-".join(map(str, dict.fromkeys((numbers[0], numbers[-1])))) if numbers else ""
-
-
-def densities(family: Family) -> tuple[Array, Array, float]:
-    """Return edges of bins, f(v) of each surface on them, shape (surfaces, bins), and the number of elements counted.
-
-    Several surfaces are brought to common bins through their cumulative, which keeps ∫ f dv = 1. The number of elements
-    is read off the stored shares: the smallest that is not 0 is one element.
-    """
-    density = family.data["volume_density"].transpose("seed", "bin").values
-    edges = family.data["volume_density_edges"].transpose("seed", "edge").values
-    shares = density * np.diff(edges)
-    elements = sum(1.0 / row[row > 0.0].min() for row in shares if (row > 0.0).any())
-    bins = edges[0]
-    if len(edges) > 1:
-        bins = np.linspace(edges.min(), edges.max(), edges.shape[1])
-        below = np.pad(np.cumsum(shares, axis=1), ((0, 0), (1, 0)))
-        density = np.diff([np.interp(bins, *pair) for pair in zip(edges, below, strict=True)], axis=1) / np.diff(bins)
-    return bins, density, float(elements)
-
-
-def merged(edges: Array, density: Array, elements: float, *, log: bool = False) -> list[Curve]:
-    """Return (v, f) of each surface on bins merged until each holds enough elements.
-
-    Equal bins up to v_max fit neither few elements nor a logarithmic axis. With fewer elements than bins most hold 0, 1
-    or 2 of them and the density is a comb; on a logarithmic axis 40 of 50 bins crowd into the last decade and the
-    first ones are blocks. Neighbours are therefore joined from below: until all surfaces together have `ENOUGH`
-    elements in the bin (or n^(2/3)/2 of n, the rule of Rice, where n is small), so that none is empty and the noise is
-    about the same in all; and, with `log`, until the bin is as wide as 1/12 of a decade. What is left at the upper end
-    joins the last bin. Joining keeps ∫ f dv. A point is drawn at the middle of its bin.
-    """
-    shares = density * np.diff(edges)
-    counts = shares.mean(axis=0) * elements
-    least = min(ENOUGH, 0.5 * elements ** (2.0 / 3.0))
-    kept, gathered = [0], 0.0
-    for k, count in enumerate(counts, start=1):
-        gathered += count
-        wide = not log or edges[k] >= edges[kept[-1]] * 10.0 ** (1.0 / PER_DECADE)
-        if wide and gathered >= least * (1.0 - 1e-9):
-            kept.append(k)
-            gathered = 0.0
-    end = int(np.flatnonzero(counts > 0.0)[-1]) + 1 if (counts > 0.0).any() else len(counts)
-    kept = [*kept[: max(len(kept) - 1, 1)], end] if gathered > 0.0 or len(kept) == 1 else kept
-    bins = edges[kept]
-    joined = np.add.reduceat(shares, kept[:-1], axis=1) / np.diff(bins)
-    return [(0.5 * (bins[1:] + bins[:-1]), row) for row in joined]

@@ -35,7 +35,6 @@ _LETTERS |= {r"\cdot": "·", r"^{-1}": "⁻¹", r"^2": "²", r"^3": "³", r"\eta
 SCREEN = 160  # resolution in a notebook
 COLUMN, PAGE, DPI = 3.5, 7.0, 300  # widths [inch] of a column and of a page, resolution for print
 CONTACT = "#08306b"  # contact is this one flat dark blue wherever it shows in colour
-ACCENT, SECOND = "#00707a", "#1f6fb4"  # laws and published numbers beside computed ones
 GREY = "0.4"
 MARKERS = "osD^vP<X>*"
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1, 1.2)), (0, (2.5, 1.2)))
@@ -51,8 +50,7 @@ NUMBERS = {
     100.0: (1.0, 2.0, 5.0),
     math.inf: (1.0,),
 }  # multiples of powers of ten with a number, on an axis whose ends have less than this ratio
-FLAT, TALL = 0.6, 2.0  # least and largest height of the panel of a map over its width
-A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
+A, P, V = "contact_area_fraction", "mean_pressure", "free_volume"
 
 
 def read_style(name: str) -> dict[Any, Any]:
@@ -155,11 +153,6 @@ def axes(
     return fig, panels
 
 
-def tall(shape: Sequence[int]) -> float:
-    """Return the height of the panel of a map over its width; a narrow map leaves a part of its panel empty."""
-    return min(max(shape[1] / shape[0], FLAT), TALL)
-
-
 def luminance(colours: Any) -> Array:
     """Return the relative luminance of a colour or of several, 0 for black to 1 for white (WCAG 2.2)."""
     rgb = mpl.colors.to_rgba_array(colours)[:, :3]
@@ -202,24 +195,6 @@ def handy(size: float, unit: str | None) -> tuple[float, str]:
 def unit_of(ds: Dataset, name: str) -> str:
     """Return the unit of a variable of a dataset as it is printed, ``length`` where lengths have no unit."""
     return unit_text(str(ds[name].attrs.get("units", "length" if name in ("L", "Sq", "heights") else "?")))
-
-
-def volume_unit(ds: Dataset) -> str:
-    """Return the unit of an element volume, a height times an area, as it is printed."""
-    along, up = (str(ds[name].attrs.get("units", "length")) if name in ds else "length" for name in ("L", "Sq"))
-    return unit_text(f"{along}^3" if along == up else f"{up}*{along}^2")
-
-
-def volume_label(ds: Dataset) -> str:
-    """Return the label of an axis of element volumes."""
-    return f"element volume $v$ [{volume_unit(ds)}]"
-
-
-def density_label(ds: Dataset) -> str:
-    """Return the label of an axis of their density."""
-    unit = volume_unit(ds)
-    inverse = unit.replace("³", "$^{-3}$") if " " not in unit else f"({unit})$^{{-1}}$"
-    return f"probability density $f(v)$ [{inverse}]"
 
 
 class _Plain(LogLocator):

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from roughvol.analysis.stored_run import Run
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims import area_and_volume, density, refinement, roughness, shape, volume_formulas
 from roughvol.reproduction.claims.evidence import CLAIMS, Evidence, Lacking, Question
 from roughvol.reproduction.claims.verdict import ABSENT, FAILS, HOLDS, QUALIFIED, VERDICTS, Check, Claim, Number
@@ -47,7 +47,7 @@ __all__ = [
 MODULES = (roughness, area_and_volume, refinement, shape, volume_formulas, density)  # their import registers the claims
 
 
-def assess(evidence: Evidence | Sequence[Run], among: Mapping[int, Question] = CLAIMS) -> list[Claim]:
+def assess(evidence: Evidence | Sequence[ClaimRun], among: Mapping[int, Question] = CLAIMS) -> list[Claim]:
     """Return every claim of the paper, or of another table, with its verdict, in their order."""
     evidence = evidence if isinstance(evidence, Evidence) else Evidence(tuple(evidence))
     return [among[id](evidence) for id in sorted(among)]

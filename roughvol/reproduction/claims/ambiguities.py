@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from roughvol.analysis.stored_run import Run
 from roughvol.report.figures.cases import nearest
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.area_and_volume import EXPONENT, EXPONENT_ROUNDING, exponents
 from roughvol.reproduction.claims.density import EDGES, FULCRUM, F, densities, fulcrum, moments, values_by_D
 from roughvol.reproduction.claims.evidence import D_SIGMA, TEXTS, A, Evidence, Lacking, P, V, at
@@ -58,7 +58,7 @@ def _law(evidence: Evidence) -> Iterator[Row]:
                 yield Row(f"{words}; {text}", number, number.reaches(EXPONENT, EXPONENT_ROUNDING))
 
 
-def _exponents_of_law(run: Run, law: str) -> Iterator[tuple[str, Number]]:
+def _exponents_of_law(run: ClaimRun, law: str) -> Iterator[tuple[str, Number]]:
     """Yield n over four and two m, and n of the area over L², each with words."""
     for finest in (4, 2):
         powers, _, used = exponents(run, PAPER_D, finest)
@@ -110,7 +110,7 @@ def _fulcrum(evidence: Evidence) -> Iterator[Row]:
             yield Row(words, number, number.value < FULCRUM)
 
 
-def _spread_at_one(run: Run, key: str, scale: float, largest: float) -> Number:
+def _spread_at_one(run: ClaimRun, key: str, scale: float, largest: float) -> Number:
     """Return the spread of f(1) over D up to the largest, of volumes times a scale."""
     m = int(nearest(run.m, PAPER_M))
     data = {D: densities(run, D, m) for D in run.D if largest >= D}

@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from roughvol.analysis.stored_run import Run
 from roughvol.observables.at_state import at_state
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.evidence import (
     D_SIGMA,
     A,
@@ -63,7 +63,7 @@ def area_falls_with_D(given: Given) -> Outcome:
     return Outcome(checks, why, [run], numbers)
 
 
-def _at_pressure(run: Run, D: float, m: int, pressure: float) -> Array:
+def _at_pressure(run: ClaimRun, D: float, m: int, pressure: float) -> Array:
     # the last state may be a rounding short of the pressure that defines the common range
     x, y = run.values(P, D=D, m=m), run.values(A, D=D, m=m)
     pressures = np.minimum(pressure, np.nanmax(x, axis=1))
@@ -100,7 +100,7 @@ def area_exponent(given: Given) -> Outcome:
     return Outcome(checks, why, [run], numbers)
 
 
-def exponents(run: Run, D: float, finest: int) -> tuple[Array, float, list[int]]:
+def exponents(run: ClaimRun, D: float, finest: int) -> tuple[Array, float, list[int]]:
     """Return n of A*/p* ~ δ^n of every surface over the finest m, the largest pressure used, and these m."""
     used = run.m[-finest:]
     slopes, limit = area_slopes(run, [D], run.m)
@@ -145,17 +145,17 @@ def separation_is_not_volume(given: Given) -> Outcome:
     return Outcome(checks, why, [run], numbers)
 
 
-def _all_departures(run: Run, D: float, m: int) -> Array:
+def _all_departures(run: ClaimRun, D: float, m: int) -> Array:
     return run.values(V, D=D, m=m) - run.values(D_SIGMA, D=D, m=m)
 
 
-def _departures(run: Run, D: float, m: int, points: Array) -> Array:
+def _departures(run: ClaimRun, D: float, m: int, points: Array) -> Array:
     separation, excess = run.values(D_SIGMA, D=D, m=m), _all_departures(run, D, m)
     # the last separation is 0 to a rounding, and 0 is one of the points
     return at(np.where(np.abs(separation) < 1e-9, 0.0, separation), excess, points)
 
 
-def _onset(run: Run, D: float, m: int) -> Array:
+def _onset(run: ClaimRun, D: float, m: int) -> Array:
     """Return d/σ of each surface at which V* - d/σ grows beyond `SMALL` of d/σ."""
     separation, excess = run.values(D_SIGMA, D=D, m=m), _all_departures(run, D, m)
     masks = excess > SMALL * separation
@@ -164,7 +164,7 @@ def _onset(run: Run, D: float, m: int) -> Array:
     )
 
 
-def band(run: Run, x: str, D: Sequence[float], m: int) -> tuple[Array, Array]:
+def band(run: ClaimRun, x: str, D: Sequence[float], m: int) -> tuple[Array, Array]:
     """Return V* on a common axis, shape (D, seeds, points), and that axis."""
     axes = [run.values(x, D=d, m=m) for d in D]
     grid = common(axes)

@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from roughvol.analysis.stored_run import Run
 from roughvol.report.figures.cases import nearest
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.evidence import Given, Outcome, V, claim, require
 from roughvol.reproduction.claims.statistics import bootstrap, exact, mean, ratio, slope, straightness
 from roughvol.reproduction.claims.verdict import Check
@@ -21,7 +21,7 @@ LOW_D = 2.5  # the fulcrum is sought among the smoother surfaces alone as well: 
 COARSE_BINS = 10  # of the pooled density in which it is asked whether it decreases: about 4 % of noise a bin at m = 7
 
 
-def densities(run: Run, D: float, m: int) -> tuple[Array, Array]:
+def densities(run: ClaimRun, D: float, m: int) -> tuple[Array, Array]:
     """Return f (surfaces, bins) and its edges (surfaces, edges) at the last recorded state."""
     case = run.dataset.sel(D=D, m=m).isel(density_at=-1)
     return case[F].transpose("seed", "bin").values, case[EDGES].transpose("seed", "edge").values
@@ -151,7 +151,7 @@ def volume_shrinks(given: Given) -> Outcome:
     return Outcome(checks, f"{why}{run.D[-1]:g}.", [run], numbers)
 
 
-def moments(run: Run, D: float) -> dict[int, tuple[Array, Array, Array]]:
+def moments(run: ClaimRun, D: float) -> dict[int, tuple[Array, Array, Array]]:
     """Return for each m the mean volume, the mean of f over its bins and the largest volume of every surface."""
     data = {m: densities(run, D, m) for m in run.m}
     return {
@@ -226,7 +226,7 @@ def shift_per_m(given: Given) -> Outcome:
     return Outcome(checks, f"{why}.", sources, numbers)
 
 
-def mean_volume_exponents(run: Run, D: float) -> Array:
+def mean_volume_exponents(run: ClaimRun, D: float) -> Array:
     """Return q of every surface from the mean volume over all elements, v̄ = V* σ δ²."""
     logs = []
     for m in run.m:

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from xarray import Dataset
 
-from roughvol.analysis.stored_run import Run
 from roughvol.ensemble.multilevel import half_width
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.verdict import Number, above
 from roughvol.study.values.state_kinds import STATE_KINDS
 
@@ -55,7 +55,7 @@ class _Mean:
         return Number("", "", self.value, self.value - half_width, self.value + half_width)
 
 
-def answers(runs: Sequence[Run]) -> Iterator[Answers]:
+def answers(runs: Sequence[ClaimRun]) -> Iterator[Answers]:
     """Yield the statements that each ensemble among the runs decides."""
     for run in runs:
         if "ensemble_samples" not in run.dataset:

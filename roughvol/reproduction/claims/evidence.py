@@ -15,11 +15,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from roughvol.analysis.stored_run import Run
 from roughvol.errors import RoughvolError
 from roughvol.observables.at_state import at_state
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.verdict import Check, Claim, Number
-from roughvol.reproduction.needs import Needs
+from roughvol.reproduction.needs import PAPER_A, Needs
 from roughvol.typing import Array
 
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
@@ -29,6 +29,11 @@ Key = TypeVar("Key")
 
 class Lacking(RoughvolError):
     """A configuration that a claim needs and no run has."""
+
+
+def nearest_state(areas: Mapping[Key, float]) -> Key:
+    """Return the key of the A* nearest to that of the paper's state, the first of two."""
+    return min(areas, key=lambda key: abs(areas[key] - PAPER_A))
 
 
 def require(condition: object, message: str) -> None:
@@ -41,10 +46,10 @@ def require(condition: object, message: str) -> None:
 class Evidence:
     """All runs of a report; with ``any_size`` small ones count too, for trials and not for verdicts."""
 
-    runs: tuple[Run, ...]
+    runs: tuple[ClaimRun, ...]
     any_size: bool = False
 
-    def fit(self, needs: Needs) -> list[Run]:
+    def fit(self, needs: Needs) -> list[ClaimRun]:
         """Return the runs of a configuration, the best first (see the docstring of the module)."""
         needs = self._asked(needs)
         return sorted((run for run in self.runs if not needs.unfit(run)), key=needs.rank, reverse=True)
@@ -57,7 +62,7 @@ class Evidence:
     def _asked(self, needs: Needs) -> Needs:
         return needs.relaxed() if self.any_size else needs
 
-    def best(self, needs: Needs) -> Run:
+    def best(self, needs: Needs) -> ClaimRun:
         """Return the best of `fit`, or raise `Lacking`."""
         runs = self.fit(needs)
         require(runs, f"no run with {needs}")
@@ -69,14 +74,14 @@ class Given:
     """The runs that fit a claim, by what they serve for, the best of each first."""
 
     needs: Mapping[str, Needs]
-    fit: Mapping[str, Sequence[Run]]
+    fit: Mapping[str, Sequence[ClaimRun]]
 
-    def run(self, use: str = "") -> Run:
+    def run(self, use: str = "") -> ClaimRun:
         """Return the best run for a use, or raise `Lacking`."""
         require(self.fit[use], f"no run with {self.needs[use]}")
         return self.fit[use][0]
 
-    def runs(self, use: str = "") -> list[Run]:
+    def runs(self, use: str = "") -> list[ClaimRun]:
         """Return all runs for a use, the best first."""
         return list(self.fit[use])
 
@@ -87,7 +92,7 @@ class Outcome:
 
     checks: Sequence[Check]
     why: str
-    source: Sequence[Run]
+    source: Sequence[ClaimRun]
     numbers: Sequence[Number] = ()
 
 
@@ -173,7 +178,7 @@ def common(curves: Sequence[Array]) -> Array:
     return np.linspace(low, high, GRID)
 
 
-def area_slopes(run: Run, D: Sequence[float], m: Sequence[int]) -> tuple[dict[tuple[float, int], Array], float]:
+def area_slopes(run: ClaimRun, D: Sequence[float], m: Sequence[int]) -> tuple[dict[tuple[float, int], Array], float]:
     """Return A*/p* of every surface by (D, m), and the pressure up to which it is taken, as `slopes_of_area`."""
     return slopes_of_area({(d, k): (run.values(P, D=d, m=k), run.values(A, D=d, m=k)) for d in D for k in m})
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from xarray import broadcast
 
-from roughvol.analysis.stored_run import Run
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.evidence import A, Evidence
 
 ESTIMATES = {
@@ -52,7 +52,7 @@ def ratios(evidence: Evidence) -> list[Ratio]:
     return [ratio for run in evidence.runs for name in ESTIMATES for ratio in _of(run, name)]
 
 
-def _of(run: Run, name: str) -> Iterator[Ratio]:
+def _of(run: ClaimRun, name: str) -> Iterator[Ratio]:
     ds = run.dataset
     names = (A, ESTIMATES[name], "transmissivity")
     if any(variable not in ds for variable in names):

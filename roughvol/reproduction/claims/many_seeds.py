@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roughvol.analysis.stored_run import Run
 from roughvol.ensemble.multilevel import half_width
 from roughvol.report.figures.cases import nearest
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims import statistics
 from roughvol.reproduction.claims.area_and_volume import exponents
 from roughvol.reproduction.claims.density import mean_volume_exponents
@@ -53,7 +53,7 @@ class Flip:
 class ManySeeds(NamedTuple):
     """The run with the most surfaces, and the scatter of few surfaces drawn from it."""
 
-    run: Run
+    run: ClaimRun
     spreads: list[Spread]
     flips: list[Flip]
 
@@ -88,7 +88,7 @@ def _flip(name: str, smaller: Array, larger: Array, sets: np.ndarray, others: np
     return Flip(name, float(wrong_pairs[different_seeds].mean()), float(wrong_means.mean()), seeds)
 
 
-def _quantities(run: Run) -> Iterator[tuple[str, tuple[str, Array]]]:
+def _quantities(run: ClaimRun) -> Iterator[tuple[str, tuple[str, Array]]]:
     m = max(run.m)
     slopes, limit = area_slopes(run, run.D, [m])
     for D in run.D:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from roughvol.analysis.stored_run import Run
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.area_and_volume import SMALL
 from roughvol.reproduction.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, at, claim, common, require
 from roughvol.reproduction.claims.statistics import exact, mean, slope
@@ -36,7 +36,7 @@ def volume_converges(given: Given) -> Outcome:
     return Outcome(checks, f"{why}{2**rate.value:.2f} of the one before.", [run], changes[:-1])
 
 
-def steps_in_m(run: Run, x: str) -> tuple[list[Number], Array]:
+def steps_in_m(run: ClaimRun, x: str) -> tuple[list[Number], Array]:
     """Return the relative change of V* at equal x for each step in m, and the rate of each surface (log₂ per m)."""
     sizes = [np.mean(np.abs(change), axis=1) for change in _changes(run, x, run.m)]
     numbers = [_number(coarse, fine, x, size) for (coarse, fine), size in zip(pairwise(run.m), sizes, strict=True)]
@@ -44,7 +44,7 @@ def steps_in_m(run: Run, x: str) -> tuple[list[Number], Array]:
     return numbers, np.array([slope(middle, np.log2(row)) for row in np.array(sizes).T])
 
 
-def _changes(run: Run, x: str, levels: Sequence[int]) -> list[Array]:
+def _changes(run: ClaimRun, x: str, levels: Sequence[int]) -> list[Array]:
     """Return the relative change of V* at equal x, shape (surfaces, points), from each m to the next."""
     axes = [run.values(x, D=PAPER_D, m=m) for m in levels]
     grid = common(axes)

@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from roughvol.analysis.stored_run import Run
 from roughvol.report.figures.cases import nearest
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.evidence import A, Given, Lacking, Outcome, P, V, claim, require
 from roughvol.reproduction.claims.statistics import exact, mean, ratio
 from roughvol.reproduction.claims.verdict import Check, Number
@@ -71,7 +71,7 @@ def nested_power_law(given: Given) -> Outcome:
     return Outcome(checks, f"{why}{literal}.", sources, numbers)
 
 
-def _hurst(run: Run, law: str) -> tuple[list[Number], Number]:
+def _hurst(run: ClaimRun, law: str) -> tuple[list[Number], Number]:
     """Return the measured H of each D at the finest m, and the largest distance from 3 - D."""
     m, D = max(run.m), np.array(run.D)
     H = {d: run.values("hurst_measured", D=d, m=m) for d in run.D}
@@ -155,7 +155,7 @@ def _radius(surface: Surface) -> float:
     return texture.summit_radius(surface.with_neighbours, surface.spacing)
 
 
-def _pair(runs: Sequence[Run]) -> tuple[Run, Run, Shared]:
+def _pair(runs: Sequence[ClaimRun]) -> tuple[ClaimRun, ClaimRun, Shared]:
     """Return the first two runs of equal D, m and seeds, that of the larger L first, and all that they share."""
     for large, small in itertools.permutations(runs, 2):
         shared = _shared(large, small)
@@ -164,7 +164,7 @@ def _pair(runs: Sequence[Run]) -> tuple[Run, Run, Shared]:
     raise Lacking("two runs of the same D, m and seeds at two L")
 
 
-def _shared(a: Run, b: Run) -> Shared | None:
+def _shared(a: ClaimRun, b: ClaimRun) -> Shared | None:
     """Return D, m and seeds of both runs, None if they are too few or the sweeps differ."""
     D = sorted({*a.D} & {*b.D})
     m = sorted({*a.m} & {*b.m})

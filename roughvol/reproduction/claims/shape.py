@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roughvol.analysis.stored_run import Run
 from roughvol.gap.free_volume import domain, element_volumes, free_volume
-from roughvol.report.figures.cases import nearest, nearest_state
-from roughvol.reproduction.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, claim, require
+from roughvol.report.figures.cases import nearest
+from roughvol.reproduction.claim_run import ClaimRun
+from roughvol.reproduction.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, claim, nearest_state, require
 from roughvol.reproduction.claims.statistics import exact, mean, single, slope, straightness
 from roughvol.reproduction.claims.verdict import Check, Number
 from roughvol.reproduction.needs import BOXES, BY_D, FIELD, ONE_D, PAPER_A, PAPER_D, PAPER_M
@@ -35,7 +35,7 @@ class Field(NamedTuple):
     words: str
 
 
-def field(run: Run) -> Field:
+def field(run: ClaimRun) -> Field:
     """Return the recorded state nearest to D = 2.3, m = 7 and A* = 0.1, the paper's."""
     D = nearest(run.D, PAPER_D)
     m = int(nearest(run.m, PAPER_M))
@@ -144,7 +144,7 @@ def domains(given: Given) -> Outcome:
     return Outcome(checks, why, [run], [numbers[share] for share in shares[1:-1]])
 
 
-def boxes(run: Run, D: float, m: int, label: str) -> tuple[Index, Array]:
+def boxes(run: ClaimRun, D: float, m: int, label: str) -> tuple[Index, Array]:
     """Return box sides and counts N(r) at a state, shape (surfaces, thresholds, r); NaN where it was not reached."""
     case = run.dataset.sel(D=D, m=m, box_at=label)
     counts = case["box_count"].transpose("seed", "threshold", "r").values
@@ -152,7 +152,7 @@ def boxes(run: Run, D: float, m: int, label: str) -> tuple[Index, Array]:
     return case["r"].values[mask], counts[:, :, mask]
 
 
-def state_of_boxes(run: Run) -> tuple[float, int, str]:
+def state_of_boxes(run: ClaimRun) -> tuple[float, int, str]:
     """Return D, m and the label of the state nearest to the paper's D = 2.3, m = 7, A* = 0.1 that was box-counted."""
     D, m = nearest(run.D, PAPER_D), int(nearest(run.m, PAPER_M))
     case = run.dataset.sel(D=D, m=m)
@@ -251,7 +251,7 @@ def _not_negative(number: Number) -> bool | None:
     return None if number.high >= 0.0 else False
 
 
-def _outside_bounds(run: Run, D: float, m: int) -> tuple[int, int]:
+def _outside_bounds(run: ClaimRun, D: float, m: int) -> tuple[int, int]:
     """Return how many local dimensions lie below that of the contact or above 2, and how many there are."""
     outside = 0
     total = 0

@@ -21,6 +21,7 @@ from roughvol.study import GeneratedSurface
 
 WORK = "Paggi and He (2015)"
 SIDE = 100.0  # L of the paper's surfaces
+ACCENT, SECOND = "#00707a", "#1f6fb4"  # laws and published numbers beside computed ones
 NEAR = 0.25  # relative: "A* ~ 0.1"
 
 

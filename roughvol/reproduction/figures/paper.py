@@ -23,23 +23,10 @@ from xarray import Dataset
 from roughvol.gap.free_volume import domain
 from roughvol.report.figures.cases import FINEST
 from roughvol.report.figures.curves import plot, shown
-from roughvol.report.figures.families import (
-    Family,
-    curves,
-    densities,
-    families,
-    merged,
-    own,
-    single,
-    state,
-    volumes,
-)
-from roughvol.report.figures.relief import reliefs
+from roughvol.report.figures.families import Family, curves, families, own, single
 from roughvol.report.figures.style import (
-    ACCENT,
     COLUMN,
     CONTACT,
-    D_SIGMA,
     GREY,
     LABELS,
     PAGE,
@@ -49,20 +36,27 @@ from roughvol.report.figures.style import (
     V,
     axes,
     canvas,
-    density_label,
     handy,
     legend,
     looks,
     plain_ticks,
-    tall,
     unit_of,
-    volume_label,
 )
-from roughvol.reproduction.claims.evidence import slopes_of_area
-from roughvol.reproduction.figures.conditions import is_paper_surface
+from roughvol.reproduction.claims.evidence import D_SIGMA, slopes_of_area
+from roughvol.reproduction.figures.conditions import ACCENT, is_paper_surface
+from roughvol.reproduction.figures.element_volumes import (
+    densities,
+    density_label,
+    merged,
+    state,
+    volume_label,
+    volumes,
+)
+from roughvol.reproduction.figures.relief import reliefs
 from roughvol.reproduction.needs import PAPER_D, PAPER_M
 from roughvol.surfaces.midpoint import midpoint_levels
 
+FLAT, TALL = 0.6, 2.0  # least and largest height of the panel of a map over its width
 THRESHOLDS = (0.0, 0.1, 0.25, 0.5, 1.0)  # v_th/v_max in Fig. 10, where no box counting names others
 
 
@@ -70,6 +64,11 @@ def _of_state(fig: Drawing, case: Dataset) -> Drawing:
     """Return a figure of one state that knows which it shows."""
     fig.shown = {key: [float(case[key])] for key in ("D", "m") if key in case} | {"area": [float(case[A])]}
     return fig
+
+
+def _tall(shape: Sequence[int]) -> float:
+    """Return the height of the panel of a map over its width; a narrow map leaves a part of its panel empty."""
+    return min(max(shape[1] / shape[0], FLAT), TALL)
 
 
 def _compare(ds: Dataset, by: str, x: str, y: str) -> Drawing:
@@ -257,7 +256,7 @@ def fig08(ds: Dataset) -> Drawing:
 def fig09(ds: Dataset) -> Drawing:
     """Fig. 9: the free volume of each element: contact in flat dark blue, the deepest valleys dark red."""
     case, v, contact, frame, words = volumes(ds)
-    fig, ax = axes(COLUMN, 0.6 + 2.2 * tall(v.shape))
+    fig, ax = axes(COLUMN, 0.6 + 2.2 * _tall(v.shape))
     colours = mpl.colormaps["YlOrRd"].with_extremes(under=CONTACT)
     image = ax.imshow(np.where(contact, -1.0, v).T, cmap=colours, vmin=0.0, vmax=v.max() or 1.0, **frame)
     ax.set(xlabel="$x/L$", ylabel="$y/L$", title=words)
@@ -273,7 +272,7 @@ def fig10(ds: Dataset) -> Drawing:
     thresholds = ds["threshold"].values.tolist() if "threshold" in ds else THRESHOLDS
     columns = max(3, -(-len(thresholds) // 2))
     rows = -(-len(thresholds) // columns)
-    fig = canvas(PAGE, 0.6 + rows * (0.2 + PAGE / columns * tall(v.shape)))
+    fig = canvas(PAGE, 0.6 + rows * (0.2 + PAGE / columns * _tall(v.shape)))
     for k, share in enumerate(thresholds):
         ax = fig.add_subplot(rows, columns, k + 1)
         black = domain(v, share * v.max(), contact)
@@ -303,7 +302,7 @@ def fig11b(ds: Dataset) -> Drawing:
 
 
 def fig12a(ds: Dataset) -> Drawing:
-    """Fig. 12a: density of the free volumes by D at m = 7, on bins that hold enough elements (`families.merged`).
+    """Fig. 12a: density of the free volumes by D at m = 7, on bins of enough elements (`element_volumes.merged`).
 
     Dotted, for the paper's surfaces alone: v = 1, where the paper sees a fulcrum. In other units v = 1 means nothing.
     """

@@ -12,11 +12,11 @@ from typing import Any
 
 import matplotlib as mpl
 
-from roughvol.analysis.stored_run import Run
 from roughvol.report.document import Drawing as Shown
 from roughvol.report.figures import registry
 from roughvol.report.figures.figure import Figure, figures_of
 from roughvol.report.figures.style import STYLE, Drawing
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims import CLAIMS, Evidence, Lacking
 from roughvol.reproduction.figures import paper, theory
 from roughvol.reproduction.figures.conditions import PaperFigure
@@ -60,13 +60,13 @@ def _fit(evidence: Evidence, name: str) -> Evidence:
     return evidence if not fit or name.startswith("readings_") or name == "seeds" else Evidence(tuple(fit))
 
 
-def _feeds(evidence: Evidence, figure: PaperFigure) -> Run | None:
+def _feeds(evidence: Evidence, figure: PaperFigure) -> ClaimRun | None:
     """Return the run that a figure of the paper is drawn from: chosen as the claims choose theirs."""
     of_fields = {"gap", "box_count", "local_dimension"} & set(figure.needs)
     able = [run for run in evidence.runs if figure.missing(run.dataset) is None]
     able = [run for run in able if run.law in ("std", "")] or able
 
-    def rank(run: Run) -> tuple[Any, ...]:
+    def rank(run: ClaimRun) -> tuple[Any, ...]:
         sizes = run.dataset.sizes
         finest = max(run.m) if "m" in sizes else 0
         if of_fields:  # Figs. 8 to 11 show one state, that whose fields were kept

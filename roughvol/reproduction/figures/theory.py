@@ -12,27 +12,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from roughvol.analysis.stored_run import Run
 from roughvol.report.figures.cases import nearest
 from roughvol.report.figures.style import (
-    ACCENT,
     GREY,
     LABELS,
     PAGE,
-    SECOND,
     Drawing,
     axes,
     legend,
     looks,
-    volume_label,
-    volume_unit,
 )
 from roughvol.reproduction import closed_forms, formulas
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims import Evidence, density, shape, volume_formulas
 from roughvol.reproduction.claims.area_and_volume import exponents
 from roughvol.reproduction.claims.evidence import D_SIGMA, A, P, V, area_slopes, at, common, require
 from roughvol.reproduction.claims.many_seeds import FEW
-from roughvol.reproduction.figures.conditions import is_paper_surface
+from roughvol.reproduction.figures.conditions import ACCENT, SECOND, is_paper_surface
+from roughvol.reproduction.figures.element_volumes import volume_label, volume_unit
 from roughvol.reproduction.needs import PAPER_D, PAPER_M, Needs
 from roughvol.store.dataset import recorded_state
 from roughvol.surfaces import texture
@@ -41,18 +38,18 @@ from roughvol.typing import Array
 END = "mean-plane"
 
 
-def _mean(run: Run, x: str, y: str, D: float, m: int) -> tuple[Array, Array]:
+def _mean(run: ClaimRun, x: str, y: str, D: float, m: int) -> tuple[Array, Array]:
     """Return the mean over surfaces of y on the range of x that all reach."""
     axis = run.values(x, D=D, m=m)
     grid = np.linspace(np.nanmax(np.nanmin(axis, axis=1)), np.nanmin(np.nanmax(axis, axis=1)), 200)
     return grid, at(axis, run.values(y, D=D, m=m), grid).mean(axis=0)
 
 
-def _count(run: Run, words: str = "") -> str:
+def _count(run: ClaimRun, words: str = "") -> str:
     return "one surface" if run.seeds == 1 else f"{words}{run.seeds} surfaces"
 
 
-def _noted(fig: Drawing, *runs: Run) -> Drawing:
+def _noted(fig: Drawing, *runs: ClaimRun) -> Drawing:
     """Name the runs that a figure is drawn from below it."""
     names = list(dict.fromkeys(run.name for run in runs))
     fig.note(f"{'Run' if len(names) == 1 else 'Runs'} {', '.join(names)}.")
@@ -217,7 +214,7 @@ def readings_exponent(evidence: Evidence) -> Drawing:
     The default (standard deviation divided) has the paper's exponent; the printed variance has nearly twice that.
     """
     fig, ax = axes()
-    used_runs: list[Run] = []
+    used_runs: list[ClaimRun] = []
     for law, look in zip(("std", "variance"), looks(2), strict=True):
         for run in evidence.fit(Needs((A, P), by="m", law=law, D=(PAPER_D,), end=END))[:1]:
             slopes, limit = area_slopes(run, [PAPER_D], run.m)
@@ -251,7 +248,7 @@ def readings_fulcrum(evidence: Evidence) -> Drawing:
         ("std", "summit-plane", "summit plane"),
     )
     volumes = np.linspace(0.02, 2.5, 80)
-    drawn: list[Run] = []
+    drawn: list[ClaimRun] = []
     for (law, end, words), look in zip(sources, looks(3), strict=True):
         for run in evidence.fit(Needs((density.F, density.EDGES), by="D", law=law, end=end))[:1]:
             m = int(nearest(run.m, PAPER_M))

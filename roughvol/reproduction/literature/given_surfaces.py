@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from xarray import Dataset
 
-from roughvol.analysis.stored_run import Run
 from roughvol.gap.perimeter import corrected_area
 from roughvol.observables.at_state import at_state
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.evidence import A, Given, Outcome, P, V, require
 from roughvol.reproduction.claims.statistics import exact, slope
 from roughvol.reproduction.claims.verdict import Check, Number
@@ -40,7 +40,7 @@ class WaveStates(NamedTuple):
     gap: Array
 
 
-def waves(run: Run) -> list[WaveStates]:
+def waves(run: ClaimRun) -> list[WaveStates]:
     """Return the states of every wave of a run, coarse first; σ of a wave is h/√2."""
     found = []
     for name in WAVES:
@@ -114,7 +114,7 @@ def orders(given: Given) -> Outcome:
     return Outcome(judged(3, *numbers), f"The orders are {found}.", _sources(given, WAVE))
 
 
-def _sources(given: Given, uses: dict[str, Files]) -> list[Run]:
+def _sources(given: Given, uses: dict[str, Files]) -> list[ClaimRun]:
     return [given.run(use) for use in uses]
 
 

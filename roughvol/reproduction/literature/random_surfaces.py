@@ -11,10 +11,10 @@ import math
 import numpy as np
 
 from roughvol.analysis.closing import span_of
-from roughvol.analysis.stored_run import Run
 from roughvol.gap.perimeter import corrected_area
 from roughvol.observables.at_state import at_state
 from roughvol.observables.stiffness import interfacial_stiffness
+from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, require
 from roughvol.reproduction.claims.statistics import mean, slope, straightness
 from roughvol.reproduction.claims.verdict import Check
@@ -39,7 +39,7 @@ CLOSING = Rolled((A, PERIMETER, "percolates"), rolloff=16.0, resolved=8.0, seeds
 FREE = BY_D.of(P, D_SIGMA, steps=8, end="pressure")
 
 
-def area_and_pressure(run: Run, m: int) -> tuple[Array, Array, Array]:
+def area_and_pressure(run: ClaimRun, m: int) -> tuple[Array, Array, Array]:
     """Return A*, the corrected A* and p/(E* h') of a run at one D and m, (surfaces, steps) each."""
     area, perimeter, pressure = (run.values(name, D=run.D[0], m=m) for name in (A, PERIMETER, P))
     Sq, steep = (run.values(name, D=run.D[0], m=m) for name in ("Sq", SLOPE))
@@ -135,14 +135,14 @@ def order_of_closing(given: Given) -> Outcome:
     return Outcome(judged(7, number), f"The void closes at A* = {number}.", [run])
 
 
-def _areas(run: Run) -> tuple[Array, Array]:
+def _areas(run: ClaimRun) -> tuple[Array, Array]:
     """Return A* and the corrected A* on the finest grid, (surfaces, steps) each."""
     m = max(run.m)
     area, perimeter = (run.values(name, D=run.D[0], m=m) for name in (A, PERIMETER))
     return area, corrected_area(area, perimeter, 2**m)
 
 
-def closings(run: Run, area: Array) -> Array:
+def closings(run: ClaimRun, area: Array) -> Array:
     """Return the area at which the void closes, mean over both axes, for each surface of the finest grid."""
     ways = np.moveaxis(run.values("percolates", D=run.D[0], m=max(run.m)), -1, 0)
     found: Array = np.mean([closing_areas(area, way) for way in ways], axis=0)
