@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -55,29 +55,11 @@ _TABLE = tomllib.loads(Path(__file__).with_name("validity.toml").read_text(encod
 LIMITS = {key: Limit(key, **row) for key, row in _TABLE.items()}
 
 
-@dataclass(frozen=True)
-class Extent:
-    """Cases and states beyond a limit, among those compared."""
-
-    cases: int = 0
-    of_cases: int = 0  # 0 before the computation
-    states: int = 0
-    of_states: int = 0  # 0 for a limit of the surface
-    first: float = math.nan  # p* of the least loaded state beyond the limit
-
-    def __str__(self) -> str:
-        """Return the counts as text."""
-        text = f"{self.states} of {self.of_states} states"
-        return text if self.of_cases == 1 else f"{text} ({self.cases} of {self.of_cases} cases)"
-
-
-@dataclass(frozen=True)
-class Finding:
+class Finding(NamedTuple):
     """A limit of the model that a study exceeds."""
 
     key: str  # of its row in `LIMITS`
     sentence: str  # quantity, amount and states beyond the limit
-    extent: Extent = Extent()
 
 
 @dataclass(frozen=True)
@@ -263,8 +245,7 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[Finding]:
         Of generated surfaces, the roughest of the first seed is judged, at m ≤ `LOOKED_AT`: its slope grows with m.
     """
     if study.axes:
-        found = (finding for variant in study.variants for finding in foreseen(variant.study))
-        return list({finding.sentence: finding for finding in found}.values())
+        return list(dict.fromkeys(finding for variant in study.variants for finding in foreseen(variant.study)))
     case, made = study.cases()[0], study.surface
     given = setting(study)
     if case.sweep.steps == 0:
@@ -332,7 +313,7 @@ def _of_surfaces(given: Setting, states: _States) -> Iterator[Finding]:
     slopes = states.slopes[np.isfinite(states.slopes)]
     if given.scaled and (steep := int(np.sum(slopes > LIMITS["slope"].value))):
         surfaces = f" on {steep} of {slopes.size} surfaces" if slopes.size > 1 else ""
-        yield _finding("slope", {"highest": f"{slopes.max():.2g}", "surfaces": surfaces}, Extent(steep, slopes.size))
+        yield _finding("slope", {"highest": f"{slopes.max():.2g}", "surfaces": surfaces})
     contact = states.in_contact if given.scaled else math.nan
     if given.unit is not None and given.hardness is None and not contact < LIMITS["metal"].value:
         modulus = convert(given.modulus, given.unit, "GPa")
@@ -344,9 +325,8 @@ def _of_surfaces(given: Setting, states: _States) -> Iterator[Finding]:
         yield Finding("pressure_drop", f"pressure_drop {given.drop_text} {text}")
     ratios = states.central[np.isfinite(states.central)]
     if given.patch and ratios.size and (median := np.median(ratios)) < LIMITS["rim"].value:
-        low = int(np.sum(ratios < LIMITS["rim"].value))
         cases = f", median of {ratios.size} cases" if ratios.size > 1 else ""
-        yield _finding("rim", {"median": f"{median:.2f}", "cases": cases}, Extent(low, ratios.size))
+        yield _finding("rim", {"median": f"{median:.2f}", "cases": cases})
 
 
 def _of_states(given: Setting, states: _States) -> Iterator[Finding]:
@@ -377,19 +357,18 @@ def _of_states(given: Setting, states: _States) -> Iterator[Finding]:
             "highest": f"{np.nanmax(number[beyond]):.2g}",
             "least": _pressure(given, least) if given.scaled and given.unit else f"p* = {p:.3g}",
             "largest": _pressure(given, nominal[beyond].max()),
+            "extent": f"{beyond.sum()} of {among.sum()} states",
         }
-        extent = None
-        if not states.expected:
-            cases, of_cases = int(beyond.any(-1).sum()), int(among.any(-1).sum())
-            extent = Extent(cases, of_cases, int(beyond.sum()), int(among.sum()), float(p))
-        yield _finding(key, words, extent, expected=states.expected)
+        if (of_cases := among.any(-1).sum()) != 1:
+            words["extent"] += f" ({beyond.any(-1).sum()} of {of_cases} cases)"
+        yield _finding(key, words, expected=states.expected)
 
 
-def _finding(key: str, words: Mapping[str, str], extent: Extent | None = None, *, expected: bool = False) -> Finding:
+def _finding(key: str, words: Mapping[str, str], *, expected: bool = False) -> Finding:
     """Return a finding with the sentence of its limit."""
     limit = LIMITS[key]
     text = limit.expected if expected else limit.found
-    return Finding(key, text.format(limit=limit.value, extent=extent, **words), extent or Extent())
+    return Finding(key, text.format(limit=limit.value, **words))
 
 
 def _pressure(given: Setting, over_modulus: float, unit: str | None = None) -> str:
