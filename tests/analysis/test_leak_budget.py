@@ -44,7 +44,6 @@ record: {{transport: {{transmissivity: every-step}}, {DIMENSIONAL}}}
 """
 ONE = TEXT.replace("seeds: 3", "seeds: 1")
 AT = Level("pressure", 0.6)
-UNKNOWN = Part("", math.nan, "")
 PARTS = ["solver", "grid", "window", "levelling"]
 
 
@@ -576,7 +575,7 @@ def test_quadrants_of_one_map_hold_the_mean_of_the_ensemble(tmp_path: Path) -> N
     every = list(surfaces_at_load(Pressed("", fine, AT)))
     for axis in "xy":
         logs = np.log([one.leak(axis) for one in every])
-        factors = [math.log(window_part([one], UNKNOWN, axis).factor) for one in every]
+        factors = [math.log(window_part([one], axis).factor) for one in every]
         covered = np.abs(logs - logs.mean()) <= factors
         assert np.mean(covered) >= 0.75  # 95 % of the intervals, with few surfaces to count
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -41,7 +42,8 @@ from roughvol.observables.void import quarters
 from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.typing import Array
 
-PARTS = ("solver", "grid", "window", "levelling")  # of an error, in the order of a card
+Source = tuple[Callable[[str], Part], Callable[[str], Part]]
+"""A source of error: its parts of the closing load and of the leak, by axis."""
 
 
 def is_reached(fine: Pressed) -> bool:
@@ -70,16 +72,22 @@ def card_of(runs: Sequence[CardRuns], name: str, load: str) -> Card:
         check_reached(runs[0].fine)
     coarser = [comparable(grids, fine) for grids in zip(*(of_file.coarser for of_file in runs), strict=False)]
     levels = [of_file.levelled for of_file in runs if of_file.levelled is not None]
-    levelled = None
+    if coarser:
+        grids = [surfaces for _, surfaces in coarser]
+        finer = [Finer.of(surface, others) for surface, *others in zip(fine, *grids, strict=True)]
+        of_grid: Source = partial(grid_part_of_load, fine, coarser, finer), partial(grid_part, fine, coarser, finer)
+    else:
+        none = NO_COARSER + ", or fills its period" * ("periodic" in fine[0].table.attrs)
+        of_grid = _unknown("grid", next(filter(None, (of_file.no_coarser for of_file in runs)), none))
+    of_solver = partial(solver_part_of_load, fine), partial(solver_part, fine)
+    sources: list[Source] = [of_solver, of_grid, (partial(window_part_of_load, fine), partial(window_part, fine))]
     if len(levels) == len(runs):
         _, before = comparable([of_file.before_levelling for of_file in runs], fine)
         levelled = Levelled(levels[0].words, before, comparable(levels, fine)[1])
-    none = NO_COARSER + ", or fills its period" * ("periodic" in fine[0].table.attrs)
-    no_coarser = next(filter(None, (of_file.no_coarser for of_file in runs)), none)
-    no_levelled = next(filter(None, (of_file.no_levelled for of_file in runs)), "")
-    unknown = {"grid": "" if coarser else no_coarser, "levelling": no_levelled}
-    lacking = {name: Part(name, math.nan, words) for name, words in unknown.items() if words}
-    ways = tuple(_way(fine, coarser, levelled, lacking, axis) for axis in AXES)
+        sources.append((partial(levelling_part_of_load, levelled), partial(levelling_part, fine, levelled)))
+    elif no_levelled := next(filter(None, (of_file.no_levelled for of_file in runs)), ""):
+        sources.append(_unknown("levelling", no_levelled))
+    ways = tuple(_way(fine, coarser, sources, axis) for axis in AXES)
     texts = (str(of_file.fine.dataset.attrs.get("warnings", "")) for of_file in runs)
     warnings = (line.strip() for text in texts for line in text.splitlines())
     return Card(
@@ -94,6 +102,12 @@ def card_of(runs: Sequence[CardRuns], name: str, load: str) -> Card:
         warnings=tuple(dict.fromkeys(filter(None, warnings))),
         seal=_seal(fine, ways),
     )
+
+
+def _unknown(name: str, words: str) -> Source:
+    """Return a source of error whose runs are missing."""
+    part = Part(name, math.nan, words)
+    return lambda axis: part, lambda axis: part
 
 
 def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
@@ -199,28 +213,12 @@ def _beside(fine: Sequence[Loaded]) -> Iterator[Beside]:
             yield Beside(text, tuple(average(name, row) for row in leaks), fine[0].unit(name))
 
 
-def _way(
-    fine: Sequence[Loaded], coarser: Grids, levelled: Levelled | None, lacking: Mapping[str, Part], axis: str
-) -> Way:
-    """Return the leak along one axis with its closing and its error; ``lacking`` are parts whose runs are missing."""
+def _way(fine: Sequence[Loaded], coarser: Grids, sources: Sequence[Source], axis: str) -> Way:
+    """Return the leak along one axis with its closing, and the parts of their errors from the sources."""
     leak = leak_of(fine, axis)
-    grids = [surfaces for _, surfaces in coarser]
-    finer = [Finer.of(surface, others) for surface, *others in zip(fine, *grids, strict=True)] if grids else []
-    window = window_part_of_load(fine, axis)
-    found = {"solver": solver_part_of_load(fine, axis), "window": window, **lacking}
-    if coarser:
-        found["grid"] = grid_part_of_load(fine, coarser, finer, axis)
-    if levelled is not None:
-        found["levelling"] = levelling_part_of_load(levelled, axis)
-    closing = replace(closing_of(fine, axis), parts=tuple(found[name] for name in PARTS if name in found))
+    closing = replace(closing_of(fine, axis), parts=tuple(of_load(axis) for of_load, _ in sources))
     others = tuple((words, closing_of(surfaces, axis)) for words, surfaces in coarser)
-    if leak.value > 0.0:
-        found |= {"solver": solver_part(fine, axis), "window": window_part(fine, window, axis)}
-        if coarser:
-            found["grid"] = grid_part(fine, coarser, finer, axis)
-        if levelled is not None:
-            found["levelling"] = levelling_part(fine, levelled, axis)
-    parts = tuple(found[name] for name in PARTS if name in found)
+    parts = tuple(of_leak(axis) for _, of_leak in sources) if leak.value > 0.0 else closing.parts
     count = sum(surface.leak(axis) > 0.0 for surface in fine)
     most = _at_most(fine, closing, axis) if leak.value == 0.0 else math.nan
     return Way(axis, leak, count, fine[0].unit(), closing, others, _last_open(fine, axis), parts, most)

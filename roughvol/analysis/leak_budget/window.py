@@ -26,7 +26,7 @@ PERCENT = f"{100.0 * COVERAGE:.0f} %"  # of the intervals, in words
 QUADRANTS = 1.2  # quadrants of a map share its long waves: python -m tests.bench.window_coverage
 
 
-def window_part(fine: Sequence[Loaded], of_loads: Part, axis: str) -> Part:
+def window_part(fine: Sequence[Loaded], axis: str) -> Part:
     """Return the part of the window of the leak: surfaces among each other, or the quadrants of the only one.
 
     Where surfaces or quadrants are closed, it is the part of the closing load.
@@ -42,7 +42,7 @@ def window_part(fine: Sequence[Loaded], of_loads: Part, axis: str) -> Part:
         words = f"{PERCENT} interval of the median over {values.size} surfaces, of logarithms by t"
         return Part("window", math.exp(wider * _half(values)), words)
     closed = f"{np.count_nonzero(values == 0.0)} of {values.size} surfaces are closed"
-    if not of_loads.known:
+    if not (of_loads := window_part_of_load(fine, axis)).known:
         return Part("window", math.inf, f"{closed}: other windows of the joint may be open")
     log = math.log(of_loads.factor)
     ends = [(surface.leak_if(axis, -log), surface.leak_if(axis, log)) for surface in fine]
