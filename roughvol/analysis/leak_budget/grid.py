@@ -9,14 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roughvol.analysis.leak_budget.state import (
-    Grids,
-    Loaded,
-    closing_of,
-    leak_of,
-    log_ratio,
-    part_of_surfaces,
-)
+from roughvol.analysis.leak_budget.state import Grids, Loaded, closing_of, leak_of, log_ratio, part_of_surfaces
 from roughvol.analysis.leak_card import Part
 from roughvol.analysis.tables import number
 from roughvol.observables.variables import AXES

@@ -9,12 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roughvol.analysis.leak import is_lifted
-from roughvol.analysis.leak_budget.state import (
-    Loaded,
-    closing_of,
-    log_ratio,
-    part_of_surfaces,
-)
+from roughvol.analysis.leak_budget.state import Loaded, closing_of, log_ratio, part_of_surfaces
 from roughvol.analysis.leak_card import Part
 from roughvol.analysis.tables import number
 

@@ -44,14 +44,7 @@ from roughvol.report.figures.style import (
 )
 from roughvol.reproduction.claims.evidence import D_SIGMA, slopes_of_area
 from roughvol.reproduction.figures.conditions import ACCENT, is_paper_surface
-from roughvol.reproduction.figures.element_volumes import (
-    densities,
-    density_label,
-    merged,
-    state,
-    volume_label,
-    volumes,
-)
+from roughvol.reproduction.figures.element_volumes import densities, density_label, merged, state, volume_label, volumes
 from roughvol.reproduction.figures.relief import reliefs
 from roughvol.reproduction.needs import PAPER_D, PAPER_M
 from roughvol.surfaces.midpoint import midpoint_levels

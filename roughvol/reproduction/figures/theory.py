@@ -13,15 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.report.figures.cases import nearest
-from roughvol.report.figures.style import (
-    GREY,
-    LABELS,
-    PAGE,
-    Drawing,
-    axes,
-    legend,
-    looks,
-)
+from roughvol.report.figures.style import GREY, LABELS, PAGE, Drawing, axes, legend, looks
 from roughvol.reproduction import closed_forms, formulas
 from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims import Evidence, density, shape, volume_formulas
