@@ -55,7 +55,6 @@ RULE = (
     "Between steps: straight lines over the quantity asked for, of the logarithm for flows and openings. A way that "
     "closes between two steps leaks along a straight line to 0 at the second, or at its closing load if it is solved."
 )
-LAST = Level("last")
 
 
 def check_load(study: Study | None, level: Level) -> None:

@@ -34,11 +34,6 @@ class Span:
         """Whether the way closes within the stored states."""
         return math.isfinite(self.closed_from)
 
-    @property
-    def middle(self) -> float:
-        """Load half way between the two; NaN unless the way is open first and closes."""
-        return 0.5 * (self.open_up_to + self.closed_from) if self.open_up_to > 0.0 and self.closes else math.nan
-
 
 def load_of(group: Dataset) -> str:
     """Return the name of the load of a table: the nominal pressure where it is known, else p*."""

@@ -28,7 +28,6 @@ from roughvol.report.run_facts import CLOSING, Facts, facts
 from roughvol.store import stamped_file
 
 OPEN = 3  # tables of a run that are shown at once; further ones unfold
-LEAD = "The free volume between rough surfaces in elastic contact"
 BESIDE = "Beside this page: claims.json for machines, report.md for a terminal."
 
 

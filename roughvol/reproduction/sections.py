@@ -10,7 +10,7 @@ from typing import Any
 
 from roughvol.analysis.tables import Table
 from roughvol.report.document import Cell, Drawing, Section
-from roughvol.report.page import LEAD, Report
+from roughvol.report.page import Report
 from roughvol.reproduction.claims import (
     ABSENT,
     FAILS,
@@ -46,7 +46,8 @@ def report_of(judgement: Judgement) -> Report:
         judgement.own,
         ALL,
         _title(judgement),
-        LEAD + (": the claims of Paggi & He (2015) beside what was computed" if judgement.computed else ""),
+        "The free volume between rough surfaces in elastic contact"
+        + (": the claims of Paggi & He (2015) beside what was computed" if judgement.computed else ""),
         tuple(Cell(str(n), KINDS[v], small=v) for v, n in counts.items() if n) if judgement.computed else (),
         tuple(before),
         tuple(_after(judgement)),

@@ -153,7 +153,8 @@ def closings(run: ClaimRun, area: Array) -> Array:
 def closing_areas(areas: Array, ways: Array) -> Array:
     """Return the area of each surface half way between the last open state and the next; NaN where there is no next."""
     found = [span_of(way, area) for way, area in zip(ways, areas, strict=True)]
-    return np.array([math.nan if span is None else span.middle for span in found])
+    closing = [span if span is not None and span.open_up_to > 0.0 and span.closes else None for span in found]
+    return np.array([math.nan if span is None else 0.5 * (span.open_up_to + span.closed_from) for span in closing])
 
 
 @cited(8, needs=LOAD)

@@ -180,12 +180,6 @@ def is_known(unit: str) -> bool:
     return _dimension(unit) not in (None, "[length]")
 
 
-def length_unit(text: Any) -> str | None:
-    """Return the unit of length in the text of a value, None without one."""
-    match = _NUMBER.fullmatch(text.strip()) if isinstance(text, str) else None
-    return None if match is None else named(match[2])
-
-
 def read(text: str, kind: str) -> float:
     """Return a number of a command line, with its unit or plain.
 
