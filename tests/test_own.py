@@ -14,9 +14,9 @@ import roughvol
 from roughvol.campaign import collect
 from roughvol.errors import CampaignError, DatasetError, StudyError
 from roughvol.observables.variables import QUANTITIES, VARIABLES
-from roughvol.store import dataset
 from roughvol.study import loads
 from roughvol.study.values import own
+from tests.campaign.kit import values_of
 from tests.kit import call, python, refused, said
 
 STUDY = """
@@ -268,7 +268,7 @@ def test_the_mean_of_a_function_is_that_of_the_built_in_quantity_it_returns_to_t
     for file in sorted(Path("runs/means/cases").glob("*.nc"))[::3]:
         file.unlink()
     Path("runs/means/study.nc").unlink()
-    assert dataset.answers(roughvol.run(asked, jobs=2)).identical(dataset.answers(ds))
+    assert values_of(roughvol.run(asked, jobs=2)).identical(values_of(ds))
     (row,) = roughvol.check(asked, jobs=1).expected
     assert row.seconds > 0.0
 

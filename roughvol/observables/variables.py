@@ -131,8 +131,6 @@ STATES = tuple(name for name, row in VARIABLES.items() if row.source == "study.s
 """Dimensions along which recorded states are stored."""
 FIELDS = frozenset(name for name, row in VARIABLES.items() if row.dims.endswith(" x y"))
 """The large variables, compressed on disk."""
-TIMES = frozenset(name for name, row in VARIABLES.items() if row.units == "s")
-"""The only variables in which two equal runs differ."""
 HEIGHT_POWERS = {name: row.height_power for name, row in VARIABLES.items() if row.height_power}
 """Power of the heights in each number that changes when they are scaled and the plane is not; v = g δ²."""
 ALONG: dict[str, str] = {}

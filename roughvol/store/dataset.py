@@ -31,7 +31,7 @@ from xarray import Dataset
 from xarray.backends import NetCDF4DataStore
 
 from roughvol.errors import DatasetError
-from roughvol.observables.variables import ALONG, AXES, DTYPES, FIELDS, MISSING, TIMES, VARIABLES
+from roughvol.observables.variables import ALONG, AXES, DTYPES, FIELDS, MISSING, VARIABLES
 from roughvol.store import small_file, stamped_file
 from roughvol.store.stamped_file import FORMAT
 from roughvol.study import Case
@@ -243,11 +243,6 @@ def _check_stamp(attributes: Mapping[str, str], labels: stamped_file.Labels, pat
         if name in labels and name in own and labels[name] != own[name]:
             difference = f"{name} is {labels[name]!r}, in its content {own[name]!r}"
             raise DatasetError(f"{path} has the stamp of another dataset: {difference}")
-
-
-def answers(dataset: Dataset) -> Dataset:
-    """Return a dataset without attributes and times, the only differences between equal runs."""
-    return dataset.drop_vars(TIMES, errors="ignore").drop_attrs(deep=False)
 
 
 def recorded_state(case: Dataset, dim: str, index: int, *names: str) -> Dataset:

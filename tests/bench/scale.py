@@ -38,6 +38,7 @@ COMMANDS = {
 def bits_of(folder: Path) -> dict[str, dict[str, Any]]:
     """Return dimensions, type and bytes of all numbers of the finished cases by file, without times."""
     from roughvol.store import dataset
+    from tests.campaign.kit import TIMES
 
     return {
         path.name: {
@@ -48,7 +49,7 @@ def bits_of(folder: Path) -> dict[str, dict[str, Any]]:
                 values.tobytes() if values.dtype != object else values.tolist(),
             )
             for name, (dims, values) in dataset.read_arrays(path)[0].items()
-            if name not in dataset.TIMES
+            if name not in TIMES
         }
         for path in (folder / "cases").glob("*.nc")
     }

@@ -17,11 +17,14 @@ import numpy as np
 
 from roughvol.campaign.batch import Progress
 from roughvol.campaign.one_case import Context, Stopped, run_case
+from roughvol.observables.variables import VARIABLES
 from roughvol.store import dataset, dimensional
 from roughvol.store.dataset import Dataset
 from roughvol.study import Case, Study, loads
 
 DIMS = ("D", "m", "seed")
+TIMES = frozenset(name for name, row in VARIABLES.items() if row.units == "s")
+"""The only variables in which two equal runs differ."""
 
 
 def table(name: str) -> Any:
@@ -48,7 +51,8 @@ def collected(study: Study, parts: Sequence[Dataset] = ()) -> Dataset:
 
 def values_of(results: Dataset | Path) -> Dataset:
     """Return all but what may differ between two runs: times and hosts."""
-    return dataset.answers(dataset.read(results / "study.nc") if isinstance(results, Path) else results)
+    stored = dataset.read(results / "study.nc") if isinstance(results, Path) else results
+    return stored.drop_vars(TIMES, errors="ignore").drop_attrs(deep=False)
 
 
 def files_of(folder: Path) -> dict[str, int]:

@@ -18,8 +18,8 @@ from roughvol.campaign import batch
 from roughvol.campaign.one_case import Context, Stopped, run_case
 from roughvol.store import checkpoint, lock, run_folder, stamped_file
 from roughvol.store.checkpoint import Checkpoint, packed, unpacked
-from roughvol.store.dataset import answers
 from roughvol.study import ANSWER_FORMAT, Case, loads
+from tests.campaign.kit import values_of
 
 TEXT = """
 name: long
@@ -56,7 +56,7 @@ def test_a_case_killed_after_any_step_goes_on_bit_for_bit(case: Case, tmp_path: 
         run_case(case, Context(on_step=_stop_at(step), checkpoint=path))
     result = run_case(case, Context(on_step=solved.append, checkpoint=path))
     assert solved == list(range(step, 6))  # the step at which it was killed was not yet kept
-    xr.testing.assert_identical(answers(result), answers(undisturbed))
+    xr.testing.assert_identical(values_of(result), values_of(undisturbed))
 
 
 def test_a_case_that_is_asked_to_stop_keeps_its_steps(case: Case, tmp_path: Path) -> None:
@@ -66,7 +66,7 @@ def test_a_case_that_is_asked_to_stop_keeps_its_steps(case: Case, tmp_path: Path
             run_case(case, Context(on_step=solved.append, checkpoint=tmp_path / "c", stopping=lambda: True))
     assert solved == list(range(1, 5))
     result = run_case(case, Context(checkpoint=tmp_path / "c"))
-    xr.testing.assert_identical(answers(result), answers(run_case(case)))
+    xr.testing.assert_identical(values_of(result), values_of(run_case(case)))
 
 
 def test_damaged_and_foreign_checkpoints_are_as_good_as_none(case: Case, tmp_path: Path) -> None:
@@ -138,4 +138,4 @@ def test_a_large_case_killed_in_its_sweep_goes_on_from_there(tmp_path: Path, mon
     assert done.returncode == -9
     result = run_case(case, Context(checkpoint=path, on_step=solved.append))
     assert solved == [5, 6, 7, 8]
-    xr.testing.assert_identical(answers(result), answers(run_case(case)))
+    xr.testing.assert_identical(values_of(result), values_of(run_case(case)))

@@ -8,8 +8,8 @@ import xarray as xr
 
 import roughvol
 from roughvol.errors import StudyError
-from roughvol.store.dataset import answers
 from roughvol.study import loads
+from tests.campaign.kit import values_of
 
 STUDY = """
 name: layer
@@ -32,7 +32,7 @@ def test_a_list_of_layers_has_the_numbers_of_each_layer(tmp_path):
     assert (every.thickness.attrs["units"], every.thickness.attrs["symbol"]) == ("um", "h")
     for label, one in zip(every.thickness, layers, strict=True):
         alone = pressed(tmp_path, **keys, **{"material.thickness": None if one == "none" else one})
-        xr.testing.assert_identical(answers(every.sel(thickness=label, drop=True)), answers(alone))
+        xr.testing.assert_identical(values_of(every.sel(thickness=label, drop=True)), values_of(alone))
     again = loads(every.attrs["study"])
     words = [axis.words(label) for axis in again.axes for label in axis.labels if axis.name == "thickness"]
     assert words == ["thickness = 20 um", "thickness = 50 um", "thickness = none"]
@@ -61,7 +61,7 @@ def test_press_has_the_numbers_of_the_study_of_the_layer(tmp_path, thickness, si
         "record": {"dimensional": {"pressure": "MPa", "mean_gap": "um"}},
     }
     run = roughvol.run(study, out=tmp_path / "run", jobs=1).isel(case=0)
-    xr.testing.assert_identical(answers(ds).drop_attrs(), answers(run).drop_attrs())
+    xr.testing.assert_identical(values_of(ds).drop_attrs(), values_of(run).drop_attrs())
     assert (ds.free_volume > roughvol.press(HEIGHTS, **ARGUMENTS, surface={"sides": sides}).free_volume).all()
 
 

@@ -11,6 +11,7 @@ from roughvol.errors import SurfaceError
 from roughvol.store import dataset
 from roughvol.study import loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
+from tests.campaign.kit import values_of
 
 FIRST = random_midpoint_displacement(2.3, 3, seed=1).heights
 SECOND = random_midpoint_displacement(2.5, 3, seed=2).heights
@@ -117,7 +118,7 @@ def test_the_cut_off_is_told_in_the_unit_of_the_study(folder, keys, cut_off):
 def test_the_unit_changes_no_number(folder):
     cases = (_case(folder, f"file: a.npy{unit}", "sweep: {steps: 2}") for unit in ("", ", unit: nm"))
     plain, named = map(one_case.run_case, cases)
-    xr.testing.assert_equal(dataset.answers(plain), dataset.answers(named))
+    xr.testing.assert_equal(values_of(plain), values_of(named))
     assert plain["Sq"].units == "length"
     assert not {"length_unit", "surface"} & plain.attrs.keys()
     assert "filled_fraction" not in plain
