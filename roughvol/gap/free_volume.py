@@ -19,16 +19,6 @@ class VolumeDensity(NamedTuple):
     edges: Array
     density: Array
 
-    @property
-    def widths(self) -> Array:
-        """Widths Δv of the bins, shape (K,) [length³]."""
-        return np.diff(self.edges)
-
-    @property
-    def centres(self) -> Array:
-        """Centres v of the bins, shape (K,) [length³]."""
-        return 0.5 * (self.edges[1:] + self.edges[:-1])
-
 
 def element_volumes(gap: Array, spacing: float, contact: Mask) -> Array:
     """Return the free volume of each element, v = g δ² (the paper's Section 2), exactly 0 on the contact."""

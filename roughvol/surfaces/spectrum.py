@@ -78,14 +78,6 @@ def slope_per_height(spectrum: Spectrum, hurst: float) -> float:
     return 2.0 * math.pi * math.sqrt(moment(spectrum, hurst, 2) / moment(spectrum, hurst, 0))
 
 
-def nayak(spectrum: Spectrum, hurst: float) -> float:
-    """Return Nayak's parameter of the isotropic spectrum, α = m₀ m₄/m₂² = (3/2) M₀ M₄/M₂² ≥ 3/2 (Nayak 1971).
-
-    m are the moments of a profile: m₀ = h_rms², m₂ = h'_rms²/2, m₄ = (3/8) mean((∇²h)²). M is `moment`.
-    """
-    return 1.5 * moment(spectrum, hurst, 0) * moment(spectrum, hurst, 4) / moment(spectrum, hurst, 2) ** 2
-
-
 def density(spectrum: Spectrum, hurst: float, side: float, wave: float) -> float:
     """Return the isotropic power spectral density of the law, C(q) with C0 = h_rms² L²/(2π M₀) and M₀ the `moment`."""
     if not 1.0 <= wave < spectrum.cut:

@@ -35,7 +35,7 @@ def test_free_volume_scales():
 )
 def test_density_integrates_to_one_and_counts(bins, include_contact, upper):
     density = volume_density(VOLUMES, CONTACT, bins, include_contact, upper)
-    assert density.density @ density.widths == pytest.approx(1.0, rel=1e-13)
+    assert density.density @ np.diff(density.edges) == pytest.approx(1.0, rel=1e-13)
     assert (density.edges[0], density.edges[-1]) == (0.0, upper or VOLUMES.max())
     v = VOLUMES.ravel() if include_contact else VOLUMES[~CONTACT]
     for (lower, higher), value in zip(itertools.pairwise(density.edges), density.density, strict=True):

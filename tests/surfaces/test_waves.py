@@ -10,7 +10,7 @@ from scipy import integrate
 from roughvol.errors import SurfaceError
 from roughvol.surfaces import texture, waves
 from roughvol.surfaces.psd import spectral
-from roughvol.surfaces.spectrum import Spectrum, density, moment, nayak, slope_per_height
+from roughvol.surfaces.spectrum import Spectrum, density, moment, slope_per_height
 from roughvol.surfaces.waves import power_law_surface
 
 LAW = Spectrum(rolloff=4.0, cut=32.0, Sq=2.0)
@@ -86,7 +86,8 @@ def test_the_slope_is_the_integral_of_the_density():
         assert found.rms_slope == pytest.approx(by_rings, rel=0.01)
         at = [density(spectrum, hurst, SIDE, float(k)) for k in found.wave[20:120]]
         np.testing.assert_allclose(found.psd[20:120], at, rtol=0.03)
-        assert found.nayak == pytest.approx(nayak(spectrum, hurst), rel=0.01)
+        m0, m2, m4 = (moment(spectrum, hurst, order) for order in (0, 2, 4))
+        assert found.nayak == pytest.approx(1.5 * m0 * m4 / m2**2, rel=0.01)  # Nayak (1971)
 
 
 @pytest.mark.parametrize("Ssk", [None, -0.8])
@@ -196,11 +197,11 @@ def test_moments_are_the_integrals_of_the_law(rolloff, hurst):
     assert math.sqrt(total) == pytest.approx(3.0, rel=1e-8)
 
 
-def test_nayaks_parameter_of_one_ring_is_three_halves_and_that_of_a_power_law_is_known():
-    ring = Spectrum(rolloff=1e3, cut=1e3 * (1 + 1e-9))
-    assert nayak(ring, 0.8) == pytest.approx(1.5 * (1 / 2) * (1 / 6) * 16)
+def test_moments_of_a_power_law_give_its_known_parameter_of_nayak():
     zeta = 64.0
     for H in (0.3, 0.8):  # rolloff 1, ζ = cut: as Yastrebov, Anciaux and Molinari (2015)
         m0, m2, m4 = (zeta ** (order - 2 * H) - 1 for order in (0, 2, 4))
         known = 1.5 * (1 - H) ** 2 / (H * (H - 2)) * m0 * m4 / m2**2
-        assert nayak(Spectrum(rolloff=1.0, cut=zeta), H) == pytest.approx(known, rel=1e-10)
+        of_height, of_slope, of_curvature = (moment(Spectrum(rolloff=1.0, cut=zeta), H, order) for order in (0, 2, 4))
+        found = 1.5 * of_height * of_curvature / of_slope**2
+        assert found == pytest.approx(known, rel=1e-10)
