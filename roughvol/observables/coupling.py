@@ -31,6 +31,7 @@ Nothing else is said to open. States above that inlet may exist for a joint pres
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -173,10 +174,14 @@ class Coupling:
 
         A joint that opens is a `ContactError`; no state, and no proof of opening, a `ConvergenceError`.
         """
-        fluid, reached, rounds, first = self.fluid_in(near.gap()), 0.0, 0, 0
+        fluid, reached, rounds, rises = self.fluid_in(near.gap()), 0.0, 0, RISES
         while reached < 1.0:
-            for number, (rise, settle) in enumerate(RISES[first:], start=first):
+            tried = set[tuple[float, Settle]]()
+            for rise, settle in rises:
                 share = min(reached + rise * STEP * load / self.inlet, 1.0)
+                if (share, settle) in tried:
+                    continue  # from the same state
+                tried.add((share, settle))
                 inlet, outlet = share * self.inlet, share * self.outlet
                 at = Coupling(self.surface, self.half_space, self.axis, inlet, outlet, self.rtol)
                 try:
@@ -192,7 +197,7 @@ class Coupling:
                 except ConvergenceError as error:
                     rounds, unsettled = rounds + ROUNDS, error
                     continue
-                fluid, reached, rounds, first = state.fluid, share, rounds + state.rounds, max(number - 1, 0)
+                fluid, reached, rounds, rises = state.fluid, share, rounds + state.rounds, _after(rise, settle)
                 break
             else:
                 raise unsettled
@@ -201,18 +206,23 @@ class Coupling:
     def _softened(self, fluid: Array, load: float, near: Contact) -> Lifted:
         """Return the state to which P relaxes as closed elements conduct less and less; P then changes slowly at first.
 
-        Starts are the fluid pressure, that of the dry gap, and that of a wide gap.
+        Starts are the fluid pressure, that of the dry gap, and that of a wide gap. Where a way is about to close, g³ is
+        of the order of the conductance k of a closed element: P goes about with k^(1/3). Two states give the next P.
         """
         rounds = 0
         for start in (fluid, self.fluid_in(near.gap()), self.fluid_in(np.ones(self.surface.shape))):
-            following = start
+            known = list[tuple[float, Array]]()
             for least in (*SOFTER, LEAST):
+                at = least ** (1.0 / 3.0)
+                following = np.clip(_on_line(known, at), self.outlet, self.inlet) if known else start
                 try:
                     state = self._relaxed(following, load, near, least)
                 except (ConvergenceError, Opening) as error:
                     rounds, last = rounds + ROUNDS, error
+                    if known:
+                        break  # farther from a state
                     continue
-                following, rounds = state.fluid, rounds + state.rounds
+                known, rounds = [*known[-1:], (at, state.fluid)], rounds + state.rounds
                 if least == LEAST:
                     return replace(state, rounds=rounds)
         raise last
@@ -305,8 +315,31 @@ class Round:
         return change
 
 
-RISES = (
-    *((rise, Coupling._relaxed) for rise in (1.0, 0.5, 0.25, 0.125)),
-    *((rise, Coupling._softened) for rise in (0.125, 1.0, 2.0)),
+def _on_line(known: list[tuple[float, Array]], at: float) -> Array:
+    """Return the value at a place on the line through the last two known places, or the last value."""
+    place, value = known[-1]
+    if len(known) == 1:
+        return value
+    place_before, before = known[-2]
+    return value + (at - place) / (place - place_before) * (value - before)
+
+
+Settle = Callable[[Coupling, Array, float, Contact], Lifted]
+
+_HALVED = (1.0, 0.5, 0.25, 0.125)
+_FARTHER = ((1.0, Coupling._softened), (2.0, Coupling._softened))
+RISES: tuple[tuple[float, Settle], ...] = (
+    *((rise, Coupling._relaxed) for rise in _HALVED),
+    (_HALVED[-1], Coupling._softened),
+    *_FARTHER,
 )
 """Rises of the inlet over the largest, and how the state there is found: the next is tried where rounds are used up."""
+
+
+def _after(rise: float, settle: Settle) -> tuple[tuple[float, Settle], ...]:
+    """Return the rises after a state: up to twice the last.
+
+    Next to closing P does not relax within its rounds on a later rise either: states stay softened.
+    """
+    again = tuple((following, settle) for following in _HALVED if following <= 2.0 * rise)
+    return (*again, *(_FARTHER if settle is Coupling._softened else RISES[len(_HALVED) :]))

@@ -131,6 +131,33 @@ def test_what_does_not_settle_is_an_error(monkeypatch):
         Coupling(surface, half_space, 0, 0.5).solve(LOAD, dry)
 
 
+def test_a_softened_joint_settles_in_few_rounds_in_the_state_that_many_rounds_find(monkeypatch):
+    surface, half_space, dry = joint(4, 2, 4.0)
+    assert not percolates(dry.gap() > 0.0, 0, periodic=True)
+    coupled = Coupling(surface, half_space, 0, 2.5)
+    fluid = coupled.fluid_in(dry.gap())
+    state = coupled._softened(fluid, 4.0, dry)
+    assert state.rounds <= 60
+    monkeypatch.setattr(coupling, "_on_line", lambda known, at: known[-1][1])  # each state from the last alone
+    slow = coupled._softened(fluid, 4.0, dry)
+    assert slow.rounds > 100
+    assert_allclose(state.gap, slow.gap, atol=1e-6)
+
+
+def test_no_rise_is_tried_twice_from_a_state(monkeypatch):
+    surface, half_space, dry = joint(3, 3)
+    tried = []
+
+    def settle(at, fluid, load, near):
+        tried.append((at.inlet, load))
+        raise ConvergenceError("no state", indentation=1.0, iterations=1, residual=1.0)
+
+    monkeypatch.setattr(coupling, "RISES", tuple((rise, settle) for rise in (1.0, 0.5, 0.25)))
+    with pytest.raises(ConvergenceError, match="no state"):
+        Coupling(surface, half_space, 0, 0.1).solve(LOAD, dry)
+    assert tried == [(0.1, LOAD), (0.0625, LOAD)]
+
+
 # the wavy channel of Shvarts & Yastrebov, Tribol. Int. 126 (2018) 116: a sine across, flow along
 
 
