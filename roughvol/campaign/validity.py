@@ -23,6 +23,7 @@ import numpy as np
 from roughvol.campaign import path
 from roughvol.campaign.case_surface import surface_of
 from roughvol.study import Level, MadeSurface, SpectralSurface, Study, convert
+from roughvol.study.values.state_kinds import REACHED
 from roughvol.study.values.units import in_unit, unit_of
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
@@ -49,6 +50,13 @@ class Limit:
     found: str
     expected: str = ""
     kept: str = ""
+    from_value: bool = False  # the value itself is beyond the limit
+
+    def exceeded(self, number: Array) -> Mask:
+        """Return where numbers lie beyond the limit, by more than the error of a state that is searched for."""
+        if self.from_value:
+            return number >= self.value * (1.0 - REACHED)
+        return number > self.value * (1.0 + REACHED)
 
 
 _TABLE = tomllib.loads(Path(__file__).with_name("validity.toml").read_text(encoding="utf-8"))
@@ -307,11 +315,11 @@ def _findings(given: Setting, states: _States) -> list[Finding]:
 
 def _of_surfaces(given: Setting, states: _States) -> Iterator[Finding]:
     """Yield the findings with one number for a study or for each surface."""
-    if given.measured and states.peak > LIMITS["peak"].value:
+    if given.measured and LIMITS["peak"].exceeded(np.array(states.peak)):
         remedy = "outliers were removed already" if given.cleaned else "see surface.outliers"
         yield _finding("peak", {"highest": f"{states.peak:.3g}", "remedy": remedy})
     slopes = states.slopes[np.isfinite(states.slopes)]
-    if given.scaled and (steep := int(np.sum(slopes > LIMITS["slope"].value))):
+    if given.scaled and (steep := int(np.sum(LIMITS["slope"].exceeded(slopes)))):
         surfaces = f" on {steep} of {slopes.size} surfaces" if slopes.size > 1 else ""
         yield _finding("slope", {"highest": f"{slopes.max():.2g}", "surfaces": surfaces})
     contact = states.in_contact if given.scaled else math.nan
@@ -349,7 +357,7 @@ def _of_states(given: Setting, states: _States) -> Iterator[Finding]:
     remedy = "the leak at the states of record.fluid_pressure has it, the dry leak along the steps has not"
     words |= {"drop": given.drop_text, "remedy": remedy if given.lifted else "record.fluid_pressure computes it"}
     for key, (number, among) in numbers.items():
-        beyond = (number >= LIMITS[key].value) & among
+        beyond = LIMITS[key].exceeded(number) & among
         if not beyond.any():
             continue
         least, p = nominal[beyond].min(), states.starred[beyond].min()
