@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_steps
 from roughvol.observables.variables import AXES, OF_STATE, VARIABLES
-from roughvol.study import CLOSING, Accuracy, Case, Ensemble, Level
-from roughvol.study.plain_data import number_text
+from roughvol.study import CLOSING, Accuracy, Case, Ensemble, Level, Scale
 from roughvol.study.sections.ensemble import RECORDED_BY
 from roughvol.study.values.state_kinds import step_at, stored_name
+from roughvol.study.values.units import unit_of
 from roughvol.typing import Array
 
 PERCOLATION = Level("percolation")  # state of the closing pressures, which belong to no state of the study
@@ -30,7 +30,7 @@ OF_VOID = ("percolates", "connected_volume_fraction", "transmissivity")  # of th
 SMALLEST = 1e-150  # half-width in place of 0, for a relative accuracy of a mean of 0; its square is a number > 0
 
 Arrays = Mapping[str, tuple[tuple[str, ...], NDArray[Any]]]  # stored variables of a case: dimensions and values
-Series = Mapping[str, Array]  # quantities along the steps, shapes (steps + 1,); percolates (steps + 1, axes)
+Series = Mapping[str, Array]  # Sq (1,), and quantities along the steps (steps + 1,); percolates (steps + 1, axes)
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,7 @@ def series_of(arrays: Arrays) -> Series:
         return np.concatenate([np.full((1, *steps.shape[1:]), first), steps])
 
     series = {name: along(name, 0.0) for name in OF_STATE}
+    series["Sq"] = np.ravel(np.asarray(arrays["Sq"][1], dtype=np.float64))
     touch = series["indentation"][1] + series["separation"][1]  # d/σ at first touch, equal to V* there
     series["separation"][0] = series["free_volume"][0] = touch
     own = [name for name in arrays if VARIABLES[name].observable == "own" and arrays[name][0][-1] == "step"]
@@ -95,11 +96,11 @@ def value_at(series: Series, stored: str, state: Level, case: Case) -> float:
         return _closing_pressure(series, stored, case)
     quantity = series[stored]
     along = series[stored_name(state.kind)] if state.value is not None else quantity
-    step = _step(along, state, case)
+    step = _step(series, along, state, case)
     if step is None:
-        assert state.value is not None
-        _require_reached(along, state.kind, state.value, case)
-        value = float(at_state(along, quantity, state.value)[0])
+        starred = _starred(series, state, case)
+        _require_reached(along, state, starred, case)
+        value = float(at_state(along, quantity, starred)[0])
     else:
         value = float(quantity[step])
     if not math.isfinite(value):
@@ -123,31 +124,42 @@ def error_at(series: Series, stored: str, state: Level, case: Case, every: int) 
     if state.value is None:
         return 0.0
     along = series[stored_name(state.kind)]
-    step = _step(along, state, case)
+    step = _step(series, along, state, case)
     if step is not None and step in kept_steps(len(along), every):
         return 0.0
-    value = state.value if step is None else float(along[step])
+    value = _starred(series, state, case) if step is None else float(along[step])
     return error_of_fewer_steps(along, series[stored], value, every)
 
 
-def _step(along: Array, state: Level, case: Case) -> int | None:
+def _starred(series: Series, state: Level, case: Case) -> float:
+    """Return the starred value of a state on a surface: the same on all in units of the study, if it gives their Sq."""
+    assert state.value is not None
+    Sq = case.height or float(series["Sq"][0])
+    scale = Scale(case.E_star, case.L, Sq, math.nan, case.modulus_unit, case.length_unit)
+    return scale.starred(state.kind, state.value)[1]
+
+
+def _step(series: Series, along: Array, state: Level, case: Case) -> int | None:
     """Return the index in a series of the step that is a state, None for a state between steps."""
     if state.value is None:
         return len(along) - 1
     step = case.sweep.legs[0].step_of(state)
     if step is None:
-        step = step_at(state, along[1:])
+        step = step_at(Level(state.kind, _starred(series, state, case)), along[1:])
     return None if step is None else step + 1
 
 
-def _require_reached(along: Array, kind: str, value: float, case: Case) -> None:
+def _require_reached(along: Array, state: Level, starred: float, case: Case) -> None:
     """Refuse a state beyond the end of a sweep."""
-    if not math.isfinite(float(at_state(along, along, value)[0])):
+    if not math.isfinite(float(at_state(along, along, starred)[0])):
+        assert state.value is not None
+        end, unit = float(along[-1]), unit_of(state.value)
+        last = f"{end:.4g}" if unit is None or not starred else f"{end * float(state.value) / starred:.4g} {unit}"
         message = (
-            f"{number_text(value)} is not reached by {case.label}, whose sweep ends at {kind} "
-            f"{float(along[-1]):.4g}: sweep further, as to: {{{kind}: {number_text(value)}}}"
+            f"{state.written} is not reached by {case.label}, whose sweep ends at {state.kind} {last}: "
+            f"sweep further, as to: {{{state.kind}: {state.written}}}"
         )
-        raise StudyError([Problem(message, f"ensemble.at.{kind}")])
+        raise StudyError([Problem(message, f"ensemble.at.{state.kind}")])
 
 
 def _closing_pressure(series: Series, stored: str, case: Case) -> float:

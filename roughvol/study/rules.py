@@ -319,7 +319,8 @@ def _moduli(study: StudyFile) -> Problems:
 
 @_rule("surface.L", "surface.unit", "material")
 def _units_of_states(study: StudyFile) -> Problems:
-    for path, level in (*study.sweep.states(), *study.record.levels()):
+    of_means = study.ensemble.states() if study.ensemble is not None else ()
+    for path, level in (*study.sweep.states(), *study.record.levels(), *of_means):
         if message := level.lacking(study.material.unit, "m" if study.surface.has_length else None):
             yield path, message
         if level.kind == "load" and study.record.region is not None:
@@ -392,12 +393,10 @@ def _ensemble(study: StudyFile) -> Problems:
     listed = study.sweep.listed if isinstance(study.sweep, Sweep) else None
     if listed is None:
         return
-    known = [level.value for level in listed if unit_of(level.value) is None]
-    name, kind_listed = STATE_KINDS[listed[0].kind].plural, listed[0].kind
-    for kind, values in ensemble.at.named.items():
-        for path, value in _numbers(("ensemble", "at", kind), values):
-            if kind != kind_listed or value not in known:
-                yield path, f"{number_text(value)} is not among sweep.{name}: list it there, or give steps and to"
+    name = STATE_KINDS[listed[0].kind].plural
+    for path, level in ensemble.states():
+        if not any(listed_level.same(level) for listed_level in listed):
+            yield path, f"{level.written} is not among sweep.{name}: list it there, or give steps and to"
 
 
 @_rule("ensemble.accuracy", "record.own")
@@ -448,6 +447,7 @@ def _contact(study: StudyFile) -> Problems:
         yield from ((("record", *path), "no contact to record: sweep.steps is 0") for path in paths)
         return
     ends = [leg.target for leg in study.sweep.legs]
+    yield from _means_beyond(study, ends[0])
     for path, kind, values in _levels(study):
         lasts = [float(steps)] if kind == "step" else [end.value for end in ends if end.kind == kind]
         plain = [value for value in lasts if value is not None and unit_of(value) is None]
@@ -458,3 +458,14 @@ def _contact(study: StudyFile) -> Problems:
         for where, level in _numbers(path, values):
             if sign * (level - last) > 1e-9 * max(1.0, abs(last)):
                 yield where, f"{number_text(level)} is not reached: the sweep ends at {kind} {number_text(last)}"
+
+
+def _means_beyond(study: StudyFile, end: Level) -> Problems:
+    """Yield states of means with a unit beyond the end of the sweep in the same quantity."""
+    unit = unit_of(end.value)
+    for path, level in study.ensemble.states() if study.ensemble is not None and unit is not None else ():
+        if level.kind != end.kind or unit_of(level.value) is None or level.value is None or end.value is None:
+            continue
+        sign = -1 if STATE_KINDS[level.kind].falls else 1
+        if sign * (in_unit(level.value, unit) - end.value) > 1e-9 * abs(end.value):
+            yield path, f"{level.written} is not reached: the sweep ends at {end.kind} {end.written}"

@@ -17,6 +17,7 @@ from roughvol.ensemble.targets import PERCOLATION, Arrays, Series, error_at, ser
 from roughvol.errors import StudyError
 from roughvol.store import dataset
 from roughvol.study import Case, Level, loads
+from roughvol.study.values.units import Quantity
 
 EVERY = "record: {transport: {percolation: every-step, transmissivity: every-step}}"
 
@@ -171,3 +172,40 @@ def test_a_region_without_contact_has_a_pressure_without_error() -> None:
     table.add(study.sample(2.3, 4, 0), _arrays(study.sample(2.3, 4, 0)))
     (sample,) = table.of(2.3)[-1]
     assert (sample.values[0], sample.solver_errors[0]) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("height", ["", "Sq: 0.5 um, "])
+def test_a_state_with_a_unit_is_the_starred_state_of_each_surface(height: str) -> None:
+    text = f"surface: {{D: 2.3, m: 4, {height}L: 50 um}}\nmaterial: {{E_star: 10 MPa}}\n"
+    text += "sweep: {steps: 6, to: {contact_area: 0.3}}\n"
+    text += "ensemble: {accuracy: {free_volume: 5 %}, at: {AT}}"
+    for seed in (0, 1):
+        case = loads(text.replace("AT", "pressure: [0.05 MPa]")).sample(2.3, 4, seed)
+        series = _series(case)
+        Sq = case.height or float(series["Sq"][0])
+        for kind, written, starred in (
+            ("pressure", "0.05 MPa", 0.05 * 50 / (10 * Sq)),
+            ("separation", "100 nm", 0.1 / Sq),
+        ):
+            study = loads(text.replace("AT", f"{kind}: [{written}]"))
+            (target,) = targets_of(study.ensemble) if study.ensemble is not None else ()
+            assert target.state.label == f"{kind}={written}"
+            assert target.value(series, case) == pytest.approx(
+                value_at(series, "free_volume", Level(kind, starred), case), rel=1e-9
+            )
+            assert error_at(series, "free_volume", target.state, case, 2) == pytest.approx(
+                error_at(series, "free_volume", Level(kind, starred), case, 2), rel=1e-6
+            )
+
+
+def test_a_starred_state_is_not_the_end_of_a_sweep_to_the_same_number_with_a_unit() -> None:
+    text = "surface: {D: 2.3, m: 4, L: 50 um, Sq: 0.5 um}\nmaterial: {E_star: 10 MPa}\n"
+    text += (
+        "sweep: {steps: 6, to: {pressure: 0.1 MPa}}\nensemble: {accuracy: {free_volume: 5 %}, at: {pressure: [0.1]}}"
+    )
+    case = loads(text).sample(2.3, 4, 0)
+    series = _series(case)
+    assert value_at(series, "free_volume", Level("pressure", 0.1), case) > 1.5 * series["free_volume"][-1]
+    assert case.sweep.legs[0].step_of(Level("pressure", Quantity(100.0, "kPa"))) == 5
+    with pytest.raises(StudyError, match=r"2 MPa is not reached .* sweep ends at pressure 0\.1 MPa"):
+        value_at(series, "free_volume", Level("pressure", Quantity(2.0, "MPa")), case)

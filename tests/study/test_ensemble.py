@@ -6,6 +6,7 @@ import pickle
 
 import pytest
 
+from roughvol.errors import StudyError
 from roughvol.study import loads
 
 SURFACE = "surface: {D: 2.5, m: 7}\n"
@@ -61,3 +62,40 @@ def test_stored_names_of_quantities_are_understood() -> None:
     assert loads(SURFACE + ASKED.replace("free_volume", "contact_area_fraction")).ensemble == (
         loads(SURFACE + ASKED.replace("free_volume", "contact_area")).ensemble
     )
+
+
+WITH_UNIT = "surface: {D: 2.5, m: 7, L: 50 um, Sq: 0.5 um}\nmaterial: {E_star: 10 MPa}\n"
+
+
+def test_states_with_a_unit_are_read_as_in_a_sweep() -> None:
+    study = loads(WITH_UNIT + ASKED.replace("[0.1, 0.3]", "[0.05 MPa, 100 kPa], separation: 100 nm"))
+    assert study.ensemble is not None
+    assert [level.label for level in study.ensemble.at.levels] == [
+        "pressure=0.05 MPa",
+        "pressure=100 kPa",
+        "separation=100 nm",
+    ]
+    assert loads(study.to_yaml()) == study
+    assert loads(study.stored(), stored=True) == study
+    listed = "sweep: {pressures: [50 kPa, 0.1 MPa]}\n"
+    loads(WITH_UNIT + listed + ASKED.replace("[0.1, 0.3]", "[0.05 MPa, 100 kPa]"))
+
+
+@pytest.mark.parametrize(
+    ("sweep", "at", "message"),
+    [
+        ("to: {pressure: 0.1 MPa}", "[200 kPa]", "200 kPa is not reached: the sweep ends at pressure 0.1 MPa"),
+        ("pressures: [0.1 MPa]", "[0.1]", "0.1 is not among sweep.pressures"),
+        ("pressures: [0.1 MPa]", "[0.1 kPa]", "0.1 kPa is not among sweep.pressures"),
+        ("to: mean-plane", "[0.1 um]", "not of pressure"),
+    ],
+)
+def test_a_state_that_no_sweep_has_is_refused_with_its_unit(sweep: str, at: str, message: str) -> None:
+    with pytest.raises(StudyError) as refused:
+        loads(f"{WITH_UNIT}sweep: {{{sweep}}}\n" + ASKED.replace("[0.1, 0.3]", at))
+    assert message in str(refused.value)
+
+
+def test_a_state_with_a_unit_needs_a_modulus_with_a_unit() -> None:
+    with pytest.raises(StudyError, match="the modulus has none"):
+        loads(WITH_UNIT.replace("10 MPa", "10") + ASKED.replace("[0.1, 0.3]", "[0.05 MPa]"))

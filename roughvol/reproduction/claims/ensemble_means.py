@@ -16,7 +16,8 @@ from xarray import Dataset
 from roughvol.ensemble.multilevel import half_width
 from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.verdict import Number, above
-from roughvol.study.values.state_kinds import STATE_KINDS
+from roughvol.study.values.state_kinds import STATE_KINDS, parse
+from roughvol.study.values.units import unit_of
 
 SEEDS = 10  # surfaces of the paper's Monte Carlo
 V, A = "free_volume", "contact_area_fraction"
@@ -140,7 +141,9 @@ def _of_step(state: Dataset, name: str) -> tuple[float, float]:
 
 
 def _words(at: str) -> str:
-    """Return a state in symbols."""
+    """Return a state in symbols: p* = 0.1, or p = 0.1 MPa."""
     kind, _, value = at.partition("=")
-    symbol = STATE_KINDS[kind].symbol if kind in STATE_KINDS else kind
-    return f"{symbol} = {value}" if value else symbol
+    if kind not in STATE_KINDS:
+        return kind
+    symbol = STATE_KINDS[kind].symbol
+    return f"{symbol if unit_of(parse(at).value) is None else symbol.split('/')[0].rstrip('*')} = {value}"

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, PlainSerializer, PlainValidator, WithJsonSchema, model_validator
 
-from roughvol.study.plain_data import number_text
+from roughvol.study.plain_data import KeyPath, number_text
 from roughvol.study.sections.strict import Choice, default, optional, refuse_at
 from roughvol.study.sections.sweep import Levels, levels_of
-from roughvol.study.values.state_kinds import LISTS, STARRED
-from roughvol.study.values.types import AreaFraction, Many, Positive, Seed, Word, refuse
-from roughvol.study.values.units import Written
+from roughvol.study.values.state_kinds import LISTS, STARRED, Level
+from roughvol.study.values.types import AreaFraction, Many, Seed, Word, refuse
+from roughvol.study.values.units import Length, Position, Pressure, Written
 
 CLOSING = {  # end of a sweep that gives each quantity without a state
     "percolation_pressure": "percolation-both",
@@ -159,10 +160,10 @@ class Accuracies(Choice):
 class States(Levels):
     """The states of the means: the last step, or levels of one or more quantities."""
 
-    pressure: Many[Positive] = levels_of("p* > 0")
-    separation: Many[float] = levels_of("d/σ")
+    pressure: Many[Pressure] = levels_of("p* > 0, or of p as 0.5 MPa")
+    separation: Many[Position] = levels_of("d/σ, or of d as 0.5 um")
     contact_area: Many[AreaFraction] = levels_of("A*, 0 < A* <= 1")
-    indentation: Many[Positive] = levels_of("Δ/σ > 0")
+    indentation: Many[Length] = levels_of("Δ/σ > 0, or of Δ as 2 um")
 
 
 class Ensemble(Choice):
@@ -176,6 +177,11 @@ class Ensemble(Choice):
     )
     budget: Time | None = optional("time after which no further samples begin, as 10 min")
     first_seed: Seed = default(0, "first seed; another one gives an independent answer")
+
+    def states(self) -> Iterator[tuple[KeyPath, Level]]:
+        """Yield the states with a value, each with its place in the study."""
+        for kind, values in self.at.named.items():
+            yield from ((("ensemble", "at", kind, k), Level(kind, value)) for k, value in enumerate(values))
 
     @property
     def tolerance(self) -> float:

@@ -243,8 +243,8 @@ class Sweep(Strict):
         1
         """
         if self.listed is not None:
-            return self.listed.index(level) if level in self.listed else None
-        return self.steps - 1 if level == self.target else None
+            return next((step for step, listed in enumerate(self.listed) if listed.same(level)), None)
+        return self.steps - 1 if self.target.same(level) else None
 
 
 Fallen = Annotated[float, Field(ge=0)]

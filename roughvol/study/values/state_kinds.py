@@ -10,6 +10,7 @@ a load grows with a power of the indentation: 4.2e-6 at most over 24 surfaces of
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING
 from roughvol.errors import DatasetError
 from roughvol.study.plain_data import number_text
 from roughvol.study.python_data import text_of_value
-from roughvol.study.values.units import KINDS, Quantity, Written, convert, read, unit_of
+from roughvol.study.values.units import KINDS, Quantity, Written, convert, in_unit, read, unit_of
 
 if TYPE_CHECKING:
     from roughvol.typing import Load, Loads
@@ -75,6 +76,7 @@ STARRED = {kind.name: kind for kind in STATE_KINDS.values() if kind.stored and k
 """Kinds that are themselves starred quantities."""
 OF_ALL = "a load is the nominal pressure times N^2 δ^2, on a free patch of N = 33 nodes a side 6 % more than L^2"
 """The area that a load acts on, in words."""
+ROUNDING = 1e-12  # relative, of two numbers in different units
 REACHED = 1e-5  # relative; of d/σ, which passes 0, a share of σ at least
 SYMBOLS = {kind.symbol[0]: kind.name for kind in STARRED.values()}
 """Kinds by their symbols."""
@@ -108,7 +110,23 @@ class Level:
             return self.kind
         if isinstance(self.value, Starred):
             return self.value.text
-        return f"{self.kind}={self.value if isinstance(self.value, Quantity) else number_text(self.value)}"
+        return f"{self.kind}={self.written}"
+
+    @property
+    def written(self) -> str:
+        """The value as in a study, with its unit; empty without a value."""
+        if self.value is None:
+            return ""
+        return str(self.value) if isinstance(self.value, Quantity) else number_text(self.value)
+
+    def same(self, other: Level) -> bool:
+        """Return whether another level is this state of a study, perhaps in another unit; starred numbers have none."""
+        if (self.kind, self.leg) != (other.kind, other.leg) or self.value is None or other.value is None:
+            return self == other
+        unit = unit_of(self.value)
+        if (unit is None) != (unit_of(other.value) is None):
+            return False
+        return math.isclose(self.value, in_unit(other.value, unit), rel_tol=ROUNDING)
 
     @property
     def searched(self) -> bool:
