@@ -1,5 +1,7 @@
 """TIFF: one grey value a pixel, sizes from tags that are no defaults of printers, marks in the type of values."""
 
+import logging
+
 import numpy as np
 import pytest
 import tifffile
@@ -53,6 +55,38 @@ def test_a_tiff_with_another_unit_along_y_is_refused(tmp_path):
     tifffile.imwrite(path, GREY, metadata=None, description=description)
     refused(path, "x is in nm, y in um; allowed: one unit for both")
     assert reading.describe(path, ignore_header=True).sides is None
+
+
+def _without(tag):
+    """Return a writer of a TIFF whose tags (all for None) have a data type that does not exist."""
+
+    def write(path):
+        tifffile.imwrite(path, GREY, resolution=(2e4, 2e4), resolutionunit="CENTIMETER", metadata=None)
+        content = bytearray(path.read_bytes())
+        first = int.from_bytes(content[4:8], "little")
+        for entry in range(first + 2, first + 2 + 12 * int.from_bytes(content[first : first + 2], "little"), 12):
+            if tag in (None, int.from_bytes(content[entry : entry + 2], "little")):
+                content[entry + 2 : entry + 4] = (99).to_bytes(2, "little")
+        path.write_bytes(bytes(content))
+
+    return write
+
+
+def test_a_damaged_tiff_is_refused_in_one_message(tmp_path, caplog, capfd):
+    refused(put(tmp_path / "z.tif", _without(None)), "allowed: one grey value")
+    assert caplog.records == []
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_tiff_that_is_read_in_spite_of_a_damaged_tag_has_a_note(tmp_path, caplog):
+    path = put(tmp_path / "z.tif", _without(282))
+    (note,) = reading.describe(path).notes
+    assert note.startswith("z.tif is damaged, and read without: ")
+    assert "TiffTag 282" in note
+    assert np.array_equal(reading.read(path), GREY.T)
+    assert caplog.records == []
+    logging.getLogger("tifffile").warning("after")  # the log is silent while a file is read alone
+    assert [record.message for record in caplog.records] == ["after"]
 
 
 def test_a_page_is_named_by_its_number(tmp_path):

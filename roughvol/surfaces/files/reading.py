@@ -10,6 +10,7 @@ import contextlib
 import math
 import zipfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
 
@@ -69,7 +70,7 @@ def read(
 @contextlib.contextmanager
 def _opened(path: Path, variable: str | None, columns: str | None, ignore_header: bool) -> Iterator[HeightMap]:
     """Open the map in a file, by its content."""
-    with reading(path), contextlib.ExitStack() as files:
+    with reading(path), tiff.damage() as damaged, contextlib.ExitStack() as files:
         size = path.stat().st_size
         if size > MAX_BYTES:
             raise DatasetError(f"{path}: has {size} bytes; allowed: at most {MAX_BYTES}")
@@ -79,7 +80,17 @@ def _opened(path: Path, variable: str | None, columns: str | None, ignore_header
         if sides is not None and not ignore_header and not all(0.0 < side < math.inf for side in sides):
             message = f"{path}: {source} makes sides of {sides[0]:g} by {sides[1]:g}; allowed: finite and above 0"
             raise SurfaceError(message)
-        yield height_map
+        yield _with_damage(path, height_map, list(damaged))
+
+
+def _with_damage(path: Path, height_map: HeightMap, damaged: list[str]) -> HeightMap:
+    """Return a map with a note on the damaged parts of its file."""
+    if not damaged:
+        return height_map
+    more = f" and {len(damaged) - 1} more" * (len(damaged) > 1)
+    note = f"{path.name} is damaged, and read without: {damaged[0]}{more}"
+    found = height_map.description
+    return replace(height_map, description=replace(found, notes=(*found.notes, note)))
 
 
 def _by_content(request: Request) -> HeightMap:

@@ -7,8 +7,11 @@ count. TIFF has no unit of grey values.
 
 from __future__ import annotations
 
+import contextlib
+import logging
 import math
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +24,32 @@ from roughvol.surfaces.files.description import EXTRA, Description, HeightMap, R
 _PICTURES = (1, 72, 96, 100, 120, 144, 150, 200, 240, 300, 350, 360, 400, 600, 720, 1200, 2400)  # dots per inch
 _INCH, _CENTIMETRE = 2, 3
 _PIXEL_SCALE, _NODATA = 33550, 42113  # tags of GeoTIFF and GDAL
+
+
+class _Damage(logging.Filter):
+    """Keep what a library logs in this thread, and let nothing of it through."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.found, self._thread = dict[str, None](), logging.makeLogRecord({}).thread
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return whether a record is of another thread."""
+        if record.thread != self._thread:
+            return True
+        self.found[" ".join(record.getMessage().split())[:200]] = None
+        return False
+
+
+@contextlib.contextmanager
+def damage() -> Iterator[dict[str, None]]:
+    """Yield the damaged parts of a TIFF that tifffile finds meanwhile, each once, in place of its log."""
+    log, kept = logging.getLogger("tifffile"), _Damage()
+    log.addFilter(kept)
+    try:
+        yield kept.found
+    finally:
+        log.removeFilter(kept)
 
 
 def opened(request: Request) -> HeightMap:
