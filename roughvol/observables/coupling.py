@@ -58,6 +58,7 @@ ROUNDS = 40  # solves of the contact in a step
 TRUST = 0.25  # largest error of the linear F over the change of P that is left
 OPENS = 1e-3  # share of the load on a contact that is about to be lost
 SOFTER = tuple(10.0**-digit for digit in range(1, 8))  # conductances of closed elements on the way to `LEAST`
+FAILED = 2  # conductances in a row without a state, from which a start is given up
 _GMRES = {"rtol": 1e-3, "restart": 60, "maxiter": 2}
 
 
@@ -211,18 +212,18 @@ class Coupling:
         """
         rounds = 0
         for start in (fluid, self.fluid_in(near.gap()), self.fluid_in(np.ones(self.surface.shape))):
-            known = list[tuple[float, Array]]()
+            known, failed = list[tuple[float, Array]](), 0
             for least in (*SOFTER, LEAST):
                 at = least ** (1.0 / 3.0)
                 following = np.clip(_on_line(known, at), self.outlet, self.inlet) if known else start
                 try:
                     state = self._relaxed(following, load, near, least)
                 except (ConvergenceError, Opening) as error:
-                    rounds, last = rounds + ROUNDS, error
-                    if known:
-                        break  # farther from a state
+                    rounds, last, failed = rounds + ROUNDS, error, failed + isinstance(error, ConvergenceError)
+                    if failed == FAILED:
+                        break
                     continue
-                known, rounds = [*known[-1:], (at, state.fluid)], rounds + state.rounds
+                known, rounds, failed = [*known[-1:], (at, state.fluid)], rounds + state.rounds, 0
                 if least == LEAST:
                     return replace(state, rounds=rounds)
         raise last
@@ -339,7 +340,9 @@ RISES: tuple[tuple[float, Settle], ...] = (
 def _after(rise: float, settle: Settle) -> tuple[tuple[float, Settle], ...]:
     """Return the rises after a state: up to twice the last.
 
-    Next to closing P does not relax within its rounds on a later rise either: states stay softened.
+    Where P has not relaxed within its rounds, it seldom does on the next rise: softened states come first from then on.
     """
     again = tuple((following, settle) for following in _HALVED if following <= 2.0 * rise)
-    return (*again, *(_FARTHER if settle is Coupling._softened else RISES[len(_HALVED) :]))
+    if settle is Coupling._softened:
+        return (*again, (_HALVED[-1], Coupling._relaxed), *_FARTHER)
+    return (*again, *RISES[len(_HALVED) :])
