@@ -181,11 +181,12 @@ class Way(WithParts):
 
 @dataclass(frozen=True)
 class Beside:
-    """A leak beside the leak that counts, of the dry gap or of a gas, along x and y; ``unit`` is empty for T* V*³."""
+    """A leak beside the leak that counts, of the dry gap or of a ``gas``, along x and y; no ``unit`` for T* V*³."""
 
     words: str
     leaks: tuple[Average, ...]
     unit: str
+    gas: bool = False
 
     def plain(self) -> dict[str, Any]:
         """Return the leak as plain data for JSON."""

@@ -50,7 +50,7 @@ def document(page: Page) -> Document:
     drawn = tuple(Drawing(panel.name, panel.caption, "", leak_card.drawing_of(card, panel)) for panel in panels)
     answers = tuple((f"Along {way.axis}", card_text.answer(card, way)) for way in card.ways)
     if card.seal is not None:
-        answers = (("The seal", card_text.seal(card.seal)), *answers)
+        answers = (("The seal", card_text.seal(card.seal, legs=card_text.has_legs(card))), *answers)
     limits = Section(kind="warnings", items=tuple(exceeded)) if exceeded else Section(notes=(NONE_EXCEEDED,))
     held = (Section(kind="kept", under="Kept:", items=tuple(kept)),) if kept else ()
     parts = [
@@ -95,7 +95,9 @@ def brief(page: Page) -> Section:
     facts = (*surfaces, *card_text.load_facts(card), *(fact for fact in found if fact[0] in card_text.FLUID))
     ways = (_way(f"along {way.axis}: {card_text.answer(card, way)}", card, way) for way in card.ways)
     warnings = tuple(f"warning: {line}" for line in exceeded)
-    seal = [_seal(f"The seal {card_text.seal(card.seal)}", card.seal)] if card.seal is not None else []
+    seal = []
+    if card.seal is not None:
+        seal = [_seal(f"The seal {card_text.seal(card.seal, legs=card_text.has_legs(card))}", card.seal)]
     return Section(facts=facts, sections=(*seal, *ways, Section(notes=(card_text.patch(card),), items=warnings)))
 
 

@@ -15,11 +15,14 @@ from roughvol.analysis.leak_card import Card, SealLeak, Way
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number, rounded
 from roughvol.campaign import validity
+from roughvol.observables.variables import AXES
 from roughvol.report.figures.style import unit_text
 from roughvol.report.run_facts import facts
 from roughvol.store.stamped_file import digest_of
 from roughvol.study import Study, convert
 
+OF_LIQUID = "of a liquid"
+ON_LEG = " on leg 1"
 HEAD = ("source of error", "factor", "how it was found")
 TIMES = ((1.0, ""), (1000.0, "1000 s"), (86400.0, "a day"), (31557600.0, "a year"))  # in which an amount is said
 VOLUMES = ("um^3", "mm^3", "ml", "l", "m^3")
@@ -86,15 +89,18 @@ def answer(card: Card, way: Way) -> str:
     if not math.isfinite(found.value):
         return "not known: the sweep does not reach this load"
     dry = "without fluid pressure " if card.lifted else ""
-    closing = tight(way)
-    return "; ".join(filter(None, [_leaks(way), _counts(way), _unknown(way), closing and f"{dry}{closing}"]))
+    closing = tight(way, legs=has_legs(card))
+    return "; ".join(filter(None, [_leaks(card, way), _counts(way), _unknown(way), closing and f"{dry}{closing}"]))
 
 
-def _leaks(way: Way) -> str:
-    """Return the leak with its interval."""
+def _leaks(card: Card, way: Way) -> str:
+    """Return the leak with its interval; of a study of a gas alone the leak of the gas first."""
     if way.leak.value > 0.0:
-        middle = "median " if way.leak.surfaces > 1 else ""
-        return middle + amount(way.leak.value, way.unit, way.interval)
+        middle, liquid = "median " if way.leak.surfaces > 1 else "", amount(way.leak.value, way.unit, way.interval)
+        gas = next((beside for beside in card.beside if beside.gas and beside.unit and not way.unit), None)
+        if gas is not None and math.isfinite(throughput := gas.leaks[AXES.index(way.axis)].value):
+            return f"{middle}{short(throughput)} {unit_text(gas.unit)} of the gas; {OF_LIQUID} {liquid}"
+        return middle + liquid
     most = way.interval[1]
     return "closed on this grid" + (f", at most {amount(most, way.unit)}" if math.isfinite(most) and most > 0.0 else "")
 
@@ -113,13 +119,16 @@ def _unknown(way: Way) -> str:
     return f"its error is not known ({', '.join(unknown)})" if unknown else ""
 
 
-def tight(way: Way) -> str:
-    """Return the load above which a way is tight, as ``tight above 0.41 MPa, between 0.33 and 0.55``."""
+def tight(way: Way, *, legs: bool = False) -> str:
+    """Return the load above which a way is tight, as ``tight above 0.41 MPa, between 0.33 and 0.55``.
+
+    Of a sweep with ``legs`` it is that of leg 1: on a later leg of a surface that has yielded another load closes.
+    """
     closing = way.closing
     if not closing.closed or not math.isfinite(closing.value):  # not followed, or surfaces that stay open
         return closing.words if closing.spans else ""
     unknown = ", ".join(part.name for part in closing.parts if not part.known)
-    mean = " in the mean" if len(closing.spans) > 1 else ""
+    mean = f"{' in the mean' if len(closing.spans) > 1 else ''}{ON_LEG if legs else ''}"
     return _tight_above(closing.value, closing.interval, closing.unit, mean, f"({unknown})" if unknown else "")
 
 
@@ -255,20 +264,27 @@ def _words(load: str) -> str:
     return load.replace("last", "the end of the sweep", 1).replace("the end of the sweep, leg", "the end of leg", 1)
 
 
-def seal(of_seal: SealLeak) -> str:
-    """Return a seal, its leak and the load that closes it, in words that follow "the seal"."""
+def seal(of_seal: SealLeak, *, legs: bool = False) -> str:
+    """Return a seal, its leak and the load that closes it, in words that follow "the seal".
+
+    Of a sweep with ``legs`` the closing load is that of leg 1.
+    """
     most = of_seal.interval[1]
     if not math.isfinite(of_seal.leak):
         leaks = "has no known leak: no surface is pressed to this load"
     elif of_seal.leak > 0.0:
-        leaks = f"leaks {amount(of_seal.leak, of_seal.unit, of_seal.interval)}"
+        leaks = amount(of_seal.leak, of_seal.unit, of_seal.interval).replace("T* V*³", "T* V*³ length/width")
+        if of_seal.gas_unit and not of_seal.unit and math.isfinite(of_seal.gas_leak):
+            gas = f"{short(of_seal.gas_leak)} {unit_text(of_seal.gas_unit)} of the gas"
+            leaks = f"{gas}; {OF_LIQUID} {leaks}"
+        leaks = f"leaks {leaks}" if of_seal.gas_unit or of_seal.unit else f"has {leaks}"
     else:
         bounded = math.isfinite(most) and most > 0.0
         leaks = "is closed" + (f", and leaks at most {amount(most, of_seal.unit)}" if bounded else "")
     unknown = "" if all(map(math.isfinite, of_seal.interval)) else "; its error is not known"
     closing = "the load that closes it is not known"
     if math.isfinite(of_seal.closing):
-        closing = _tight_above(of_seal.closing, of_seal.closing_interval, of_seal.load_unit)
+        closing = _tight_above(of_seal.closing, of_seal.closing_interval, of_seal.load_unit, ON_LEG if legs else "")
     return f"of {of_seal.label} {leaks}{unknown}; {closing}"
 
 

@@ -261,6 +261,22 @@ def test_a_card_has_the_leak_of_a_gas_through_its_seal(tmp_path: Path) -> None:
     assert plain["gas_leak_unit"] == gas.unit == "sccm"
 
 
+def test_a_seal_of_a_gas_alone_leaks_the_gas_in_its_unit_and_names_the_leg_that_closes_it(tmp_path: Path) -> None:
+    text = COARSE.replace("seeds: 3", "seeds: 1").replace("every-step}", "every-step, gas_flow: every-step}")
+    text = text.replace("leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s}", "gas_leak_rate: sccm")
+    legs = "[{steps: 4, to: percolation}, {steps: 2, to: {pressure: 0.02 MPa}}]"
+    text = text.replace("{steps: 8, to: percolation}", legs)
+    card, of_seal = _card(f"{text}fluid: {{gas: air, inlet: 2 bar, outlet: 1 bar}}\n", "last", tmp_path)
+    words = card_text.seal(of_seal, legs=card_text.has_legs(card))
+    gas = card_text.short(of_seal.gas_leak)
+    assert words.startswith(f"of 120 mm by 2 mm leaks {gas} sccm of the gas; of a liquid T* V*³ length/width = ")
+    assert re.search(r"tight above [\d.]+ MPa on leg 1", words)
+    along = card_text.answer(card, card.ways[0])
+    assert along.startswith(f"{card_text.short(card.beside[0].leaks[0].value)} sccm of the gas; of a liquid T* V*³ = ")
+    assert re.search(r"tight above [\d.]+ MPa on leg 1", along)
+    assert "leg" not in card_text.seal(of_seal)
+
+
 def test_the_same_seal_of_patches_in_another_direction(tmp_path: Path) -> None:
     """A patch wider than long, as a region: the flow along x through it is that of its squares."""
     text = COARSE.replace("seeds: 3", "seeds: 1").replace("record:", "record:\n  region: {x: [0, 0.5]}")

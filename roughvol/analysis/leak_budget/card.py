@@ -210,7 +210,7 @@ def _beside(fine: Sequence[Loaded]) -> Iterator[Beside]:
         if np.isfinite(leaks).any():
             gas = f"{variable.attrs['gas']}" if variable is not None and "gas" in variable.attrs else ""
             text = f"{words} {gas}" if words == "leak of" else f"{words}, {gas}".removesuffix(", ")
-            yield Beside(text, tuple(average(name, row) for row in leaks), fine[0].unit(name))
+            yield Beside(text, tuple(average(name, row) for row in leaks), fine[0].unit(name), name == f"gas_{FLOW}")
 
 
 def _way(fine: Sequence[Loaded], coarser: Grids, sources: Sequence[Source], axis: str) -> Way:
