@@ -167,7 +167,8 @@ class Batch:
     """The cases computed now, and their progress.
 
     ``study`` is the study as text, ``kept`` the number of cases finished before, ``surface`` that of the first case, if
-    it was read. ``alone``: the study has no other case. ``later``: expected seconds of later batches.
+    it was read. ``alone``: the study has no other case. ``later``: expected seconds of later batches. ``names``: cases
+    in words by id; default their labels.
     """
 
     def __init__(
@@ -181,6 +182,7 @@ class Batch:
         surface: Surface | None = None,
         alone: bool = False,
         later: float = 0.0,
+        names: Mapping[str, str] | None = None,
     ) -> None:
         self._folder, self._study, self._kept, self._control = folder, study, kept, control
         self._surface = surface if alone else None
@@ -191,9 +193,9 @@ class Batch:
         self._forecast = Forecast(works, self._steps, later)
         self._expected = sum(works.values())
         self._cases = sorted(cases, key=lambda case: -works[case.id])  # the longest first
-        labels = Counter(case.label for case in cases)
-        # combinations of lists press one surface several times
-        self._names = {case.id: case.label if labels[case.label] == 1 else case.id for case in cases}
+        named = {case.id: (names or {}).get(case.id, case.label) for case in cases}
+        often = Counter(named.values())
+        self._names = {id: name if often[name] == 1 else id for id, name in named.items()}
         self._reached: dict[str, int] = {}  # steps of the cases at work
         self._steps_done, self._done = 0, 0  # of the cases that have ended
         self._failures: dict[str, BaseException] = {}

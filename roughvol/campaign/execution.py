@@ -83,7 +83,8 @@ def run(
             return collection.of_run(folder, cases, study, stopping, again=bool(changed))
         alone = len(study.cases()) == 1
         try:
-            Batch(folder, study.of_each_case(), missing, begin.kept, control, surface=surface, alone=alone).compute()
+            text, names = study.of_each_case(), study.names_of_cases() if study.axes else None
+            Batch(folder, text, missing, begin.kept, control, surface=surface, alone=alone, names=names).compute()
         except CampaignError:
             # a number that was meant otherwise may be the reason
             for sentence in interpretation.doubts(study, surface):

@@ -115,6 +115,16 @@ class Study(StudyFile):
             return self._cases_of_made(case, surface)
         return self._cases_of_files(case, surface)
 
+    def names_of_cases(self) -> dict[str, str]:
+        """Return each case in words by id, of lists with the words that all combinations of the case share."""
+        labels, shared = dict[str, str](), dict[str, list[str]]()
+        for variant in self.variants:
+            own = variant.words.split(", ")
+            for case in variant.study.cases():
+                labels[case.id] = case.label
+                shared[case.id] = [words for words in shared.get(case.id, own) if words in own]
+        return {id: ", ".join(filter(None, (*shared[id], label))) for id, label in labels.items()}
+
     def _cases_of_made(self, case: Callable[..., Case], surface: MadeSurface) -> tuple[Case, ...]:
         """Return the cases of surfaces made from seeds, from the case without its surface."""
         unit = surface.length_unit

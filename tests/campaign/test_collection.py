@@ -150,7 +150,7 @@ def test_progress_names_combinations_and_an_unfinished_run_is_named() -> None:
     text = MADE.replace("seeds: 2", "seeds: [5]") + "material: {E: [10 MPa, 20 MPa], nu: 0.3}\n"
     Path("two.yaml").write_text(text + "sweep: {steps: 2, to: {mean_gap: 2.4 um}}", encoding="utf-8")
     told = call("run", "two.yaml", "--jobs", "1").stderr
-    assert any(f"{case.id}: done · " in told for case in load("two.yaml").cases())
+    assert any(f"E = {E} MPa, D = 2.30, m = 4, seed 5: done · " in told for E in (10, 20))
     Path("runs/two/study.nc").unlink()
     for name in ("two", "two.yaml", "runs/two"):
         message = refused("show", name)
@@ -171,6 +171,7 @@ def test_many_combinations_leave_room_for_their_figure() -> None:
 def test_equal_starred_loads_share_their_cases_and_a_further_item_computes_its_own() -> None:
     study = loads(MADE + "material: {E: [5 MPa, 10 MPa], nu: [0.3, 0.5]}\nsweep: {pressures: [0.5, 1]}", "shared.yaml")
     assert len(study.cases()) == 2
+    assert list(study.names_of_cases().values()) == [case.label for case in study.cases()]  # of all combinations
     ds = roughvol.run(study, jobs=1)
     assert ds.free_volume.dims == ("E", "nu", "D", "m", "seed", "step")
     assert (ds.free_volume == ds.free_volume.isel(E=0, nu=0)).all()
@@ -179,6 +180,14 @@ def test_equal_starred_loads_share_their_cases_and_a_further_item_computes_its_o
     before = files_of(Path("runs/x"))
     more = roughvol.run(loads(text.replace("[5 MPa, ", "[5 MPa, 7 MPa, "), "x.yaml"), jobs=1)
     assert more.E.values.tolist() == [5.0, 7.0, 10.0]
+    some = loads(
+        MADE.replace("seeds", "sides: mirrored, seeds")
+        + "material: {E: [5 MPa, 10 MPa], nu: 0.5, thickness: [20 um, none]}\nsweep: {pressures: [0.5]}"
+    )
+    assert {name.rpartition(", D = ")[0] for name in some.names_of_cases().values()} == {
+        "thickness = 20 um",
+        "thickness = none",
+    }
     assert (len(before), len(files_of(Path("runs/x")))) == (4, 6)
     assert before.items() <= files_of(Path("runs/x")).items()
 
