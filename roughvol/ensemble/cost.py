@@ -23,6 +23,8 @@ NEAR, MOST, STEPS = 70.0, 150.0, 12.0
 YIELDING = 2.3  # time of a step of a surface that yields, over that of an elastic one
 SETTLED = 60  # steps of the sweep whose steps are the unit of a search
 SEARCH, CLOSING, LEVEL = 18, 30, 8  # steps of a search from first touch; of one for closed ways; from a state before
+BEYOND = 18  # steps of a search for the closing load of a way that is open at the end of the sweep
+PERIODIC = 2.0  # of these steps on a period: its convolutions are short, and the rest of a solve is not
 # AREA is A* on the mean plane at m = 4; the next m has AREA_POWER of it. A* grows with p*, PRESSURE on the mean plane,
 # and with the way beyond the plane, over σ; before the plane LEAST of it is left. CLOSED is A* where ways close.
 AREA, AREA_POWER, PRESSURE, LEAST, CLOSED = 0.14, 0.8, 0.85, 0.1, 0.42
@@ -51,11 +53,15 @@ def expected_seconds(case: Case, shape: tuple[int, int], convolution: float | No
         seconds += leg.steps * seconds_per_step(shape, tolerance, convolution, largest, leg.steps)
         searched = LEVEL * searches(leg, case)
         if number == 0 and searched > 0:
-            searched += (CLOSING if leg.target.kind.startswith("percolation") else SEARCH) - LEVEL
+            first = CLOSING * (PERIODIC if case.sides == "periodic" else 1.0)
+            searched += (first if leg.target.kind.startswith("percolation") else SEARCH) - LEVEL
         seconds += searched * seconds_per_step(shape, tolerance, convolution, largest, SETTLED)
+    closed = expected_area(case.sweep.legs[0].target, case, shape) >= CLOSED
     for level in searched_levels(case):
-        area = expected_area(level, case, shape)
-        seconds += LEVEL * seconds_per_step(shape, tolerance, convolution, area, SETTLED)
+        area, searched = expected_area(level, case, shape), LEVEL
+        if level.kind == "percolation":
+            searched = (LEVEL if closed else BEYOND) * (PERIODIC if case.sides == "periodic" else 1.0)
+        seconds += searched * seconds_per_step(shape, tolerance, convolution, area, SETTLED)
     seconds *= YIELDING if case.plastic else 1.0
     return CASE + sum(observable_seconds(case, shape).values()) + seconds
 
@@ -118,7 +124,7 @@ def observable_seconds(case: Case, shape: tuple[int, int]) -> dict[str, float]:
         row = OBSERVABLES[name]
         nodes = [math.prod(shape) * share for share in passes(row, case.record)]
         count = case.sweep.steps if levels is None else len(levels)
-        seconds[name] = count * sum(row.seconds * n + FLOW * row.flow for n in nodes)
+        seconds[name] = count * sum(row.seconds * n + FLOW * row.flow * row.parts for n in nodes)
     return seconds
 
 

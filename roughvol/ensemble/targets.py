@@ -77,7 +77,8 @@ def series_of(arrays: Arrays) -> Series:
         return np.concatenate([np.full((1, *steps.shape[1:]), first), steps])
 
     series = {name: along(name, 0.0) for name in OF_STATE}
-    series["Sq"] = np.ravel(np.asarray(arrays["Sq"][1], dtype=np.float64))
+    if "Sq" in arrays:
+        series["Sq"] = np.ravel(np.asarray(arrays["Sq"][1], dtype=np.float64))
     touch = series["indentation"][1] + series["separation"][1]  # d/σ at first touch, equal to V* there
     series["separation"][0] = series["free_volume"][0] = touch
     own = [name for name in arrays if VARIABLES[name].observable == "own" and arrays[name][0][-1] == "step"]
@@ -134,6 +135,8 @@ def error_at(series: Series, stored: str, state: Level, case: Case, every: int) 
 def _starred(series: Series, state: Level, case: Case) -> float:
     """Return the starred value of a state on a surface: the same on all in units of the study, if it gives their Sq."""
     assert state.value is not None
+    if unit_of(state.value) is None:
+        return state.value
     Sq = case.height or float(series["Sq"][0])
     scale = Scale(case.E_star, case.L, Sq, math.nan, case.modulus_unit, case.length_unit)
     return scale.starred(state.kind, state.value)[1]

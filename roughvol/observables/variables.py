@@ -51,6 +51,7 @@ class Observable:
     states: str = "every-step"
     seconds: float = 0.0
     flow: bool = False
+    parts: int = 1
     dim: str = ""
     labels: str = ""
     before: str = ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 import subprocess
 import sys
 import time
@@ -16,7 +17,7 @@ from roughvol.campaign import batch, cost, execution, machine
 from roughvol.campaign.batch import Forecast
 from roughvol.campaign.cost import START, choices, estimate
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.ensemble.cost import CASE, convolutions_per_step, expected_area, expected_seconds
+from roughvol.ensemble.cost import CALL, CASE, FLOW, NODE, STEP, convolutions_per_step, expected_area, expected_seconds
 from roughvol.errors import CampaignError
 from roughvol.observables import requests
 from roughvol.study import ACCURACY, loads
@@ -128,8 +129,34 @@ def test_work_grows_with_grid_searches_and_observables() -> None:
     assert total("sweep: {steps: 20}", m=8) > 3.0 * plain
     assert total("sweep: {steps: 20, to: percolation}") > 1.5 * plain
     assert total("sweep: {steps: 20}\nrecord: {transport: {transmissivity: every-step}}") > 2.0 * plain
+    with_ways = "sweep: {{steps: 20, to: {{contact_area: {}}}}}\nrecord: {{transport: {{percolation: every-step{}}}}}"
+    for area, most in ((0.2, 18.0), (0.5, 8.0)):  # beyond the last step, and among the steps
+        searched = total(with_ways.format(area, ", closing: true")) - total(with_ways.format(area, ""))
+        step = convolutions_per_step((129, 129), 1e-6, 0.42, 60) * (CALL + NODE * 129**2 * math.log(129)) + STEP
+        assert searched == pytest.approx(2 * most * step, rel=1e-9)
+    flows = "sweep: {{steps: 20}}\nrecord: {{transport: {{transmissivity: every-step{}}}}}"
+    assert total(flows.format(", quadrants: every-step")) > total(flows.format("")) + 20 * 4 * FLOW
     assert total("sweep: {pressures: [0.1, 0.2, 0.3]}") > total("sweep: {steps: 3, to: {pressure: 0.3}}")
     assert total("sweep: {steps: 0}") < 0.3 * plain
+
+
+@pytest.mark.parametrize(
+    ("sides", "pressure", "closing", "without"),
+    [("free", 0.05, 1.51, 0.30), ("mirrored", 0.05, 2.46, 0.53), ("periodic", 0.05, 1.61, 0.24)],
+)
+def test_closing_loads_cost_as_measured(sides: str, pressure: float, closing: float, without: float) -> None:
+    """Over the seconds without closing loads, m = 8: a closing beyond the last step was stated down to a fifth."""
+    text = f"surface: {{D: 2.2, m: 8, L: 100 um, Sq: 0.5 um, seeds: 1, sides: {sides}}}\nmaterial: {{E_star: 10 MPa}}\n"
+    text += f"sweep: {{steps: 10, to: {{pressure: {pressure} MPa}}}}\n"
+    text += "record: {transport: {percolation: every-step, closing: CLOSING}}"
+    nodes = 256 if sides == "periodic" else 257
+    convolution = {"free": 1.19e-3, "mirrored": 2.22e-3, "periodic": 0.62e-3}[sides]
+    found = [
+        expected_seconds(case_of(text.replace("CLOSING", given)), (nodes, nodes), convolution)
+        for given in ("true", "false")
+    ]
+    assert closing / 1.5 <= found[0] <= 1.5 * closing
+    assert without / 1.5 <= found[1] <= 1.5 * without
 
 
 @pytest.mark.parametrize(
