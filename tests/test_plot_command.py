@@ -162,6 +162,14 @@ def test_nothing_drawn_is_an_error(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_a_figure_that_any_of_several_quantities_would_do_names_each_key_once() -> None:
+    told = refused("plot", "plain", "flow_of_p")
+    assert told.count("record.transport.transmissivity") == told.count("which the run does not have") == 1
+    told = refused("plot", "plain", "leak_of_p")
+    assert "needs leak_rate or gas_leak_rate, which the run does not have" in told
+    assert "(record.dimensional.leak_rate or record.dimensional.gas_leak_rate)" in told
+
+
 def test_a_figure_of_one_run_does_not_stop_those_of_two(tmp_path: Path) -> None:
     done = call("plot", "plain", "leaking", "fig05", "v_of_a", "--out", tmp_path)
     assert done.exit_code == 0, done.output

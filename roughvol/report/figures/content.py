@@ -95,8 +95,12 @@ def missing(name: str, runs: Sequence[Named]) -> str | None:
         for key in name.rsplit("_of_", 1):
             several = VARIABLES_OF.get(key, [key])
             held = [variable for variable in several if variable in run.ready]
+            stored = list(dict.fromkeys(_stored(run.ready, variable) for variable in held or several))
             reasons = [_lacks(name, run.ready, variable) for variable in held or several]
             if all(reasons):
+                if not any(variable in run.ready for variable in stored):  # any of them would do
+                    wanted = [variable for variable in stored if variable.removesuffix("_dry") == variable]
+                    reasons = [lacking(name, run.ready, wanted or stored, joint=" or ")]
                 return f"{run.name}: {'; '.join(map(str, reasons))}"
     return None
 

@@ -83,13 +83,16 @@ def dry_note(datasets: Sequence[Dataset]) -> list[str]:
     return ["The gap without fluid pressure."] if any(map(is_lifted, datasets)) else []
 
 
-def lacking(name: str, ds: Dataset, variables: Sequence[str]) -> str | None:
-    """Return which variables of a figure a dataset does not have in any case, in words, or None."""
+def lacking(name: str, ds: Dataset, variables: Sequence[str], *, joint: str = ", ") -> str | None:
+    """Return which variables of a figure a dataset does not have in any case, in words, or None.
+
+    ``joint`` is between the names of absent variables and between their keys.
+    """
     absent = [variable for variable in variables if variable not in ds]
     if absent:
         keys = dict.fromkeys(filter(None, map(record_key, absent)))
-        hint = f" ({', '.join(keys)})" if keys else ""
-        return f"{name} needs {', '.join(absent)}, which the run does not have{hint}"
+        hint = f" ({joint.join(keys)})" if keys else ""
+        return f"{name} needs {joint.join(absent)}, which the run does not have{hint}"
     if not bool(held(first_leg(ds), *variables).any()):
         where = " on the first leg" if "leg" in ds else ""
         return f"{name} needs {', '.join(variables)}, and no case of the dataset has a value of each{where}"
