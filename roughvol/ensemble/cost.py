@@ -22,8 +22,8 @@ DENSE = TUNING.dense_up_to  # elements in contact up to which a step takes one c
 NEAR, MOST, STEPS = 70.0, 150.0, 12.0
 YIELDING = 2.3  # time of a step of a surface that yields, over that of an elastic one
 SETTLED = 60  # steps of the sweep whose steps are the unit of a search
-SEARCH, CLOSING, LEVEL = 18, 30, 8  # steps of a search from first touch; of one for closed ways; from a state before
-BEYOND = 18  # steps of a search for the closing load of a way that is open at the end of the sweep
+SEARCH, CLOSING, LEVEL = 18.0, 30.0, 8.0  # steps of a search from first touch, for closed ways, from a state before
+BEYOND = 18.0  # steps of a search for the closing load of a way that is open at the end of the sweep
 PERIODIC = 2.0  # of these steps on a period: its convolutions are short, and the rest of a solve is not
 # AREA is A* on the mean plane at m = 4; the next m has AREA_POWER of it. A* grows with p*, PRESSURE on the mean plane,
 # and with the way beyond the plane, over σ; before the plane LEAST of it is left. CLOSED is A* where ways close.
@@ -47,20 +47,19 @@ def expected_seconds(case: Case, shape: tuple[int, int], convolution: float | No
         nodes = math.prod(shape)
         convolution = CALL + NODE * nodes * math.log(nodes) / 2.0
     tolerance = case.solver.tolerance
-    seconds, largest = 0.0, 0.0
+    seconds, largest, longer = 0.0, 0.0, PERIODIC if case.sides == "periodic" else 1.0
     for number, leg in enumerate(case.sweep.legs):
         largest = max(largest, expected_area(leg.target, case, shape))
         seconds += leg.steps * seconds_per_step(shape, tolerance, convolution, largest, leg.steps)
         searched = LEVEL * searches(leg, case)
         if number == 0 and searched > 0:
-            first = CLOSING * (PERIODIC if case.sides == "periodic" else 1.0)
-            searched += (first if leg.target.kind.startswith("percolation") else SEARCH) - LEVEL
+            searched += (longer * CLOSING if leg.target.kind.startswith("percolation") else SEARCH) - LEVEL
         seconds += searched * seconds_per_step(shape, tolerance, convolution, largest, SETTLED)
     closed = expected_area(case.sweep.legs[0].target, case, shape) >= CLOSED
     for level in searched_levels(case):
         area, searched = expected_area(level, case, shape), LEVEL
         if level.kind == "percolation":
-            searched = (LEVEL if closed else BEYOND) * (PERIODIC if case.sides == "periodic" else 1.0)
+            searched = longer * (LEVEL if closed else BEYOND)
         seconds += searched * seconds_per_step(shape, tolerance, convolution, area, SETTLED)
     seconds *= YIELDING if case.plastic else 1.0
     return CASE + sum(observable_seconds(case, shape).values()) + seconds

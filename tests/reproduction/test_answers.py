@@ -65,7 +65,7 @@ def test_the_page_of_an_ensemble_has_the_section(file: Path) -> None:
 
 def test_a_state_with_a_unit_has_no_star(results: Dataset) -> None:
     with_unit = results.assign_coords(ensemble_at=["pressure=0.1 MPa", "separation=5 nm"])
-    (found,) = answers([Run.of("trial", with_unit)])
+    (found,) = answers([ClaimRun.of("trial", with_unit)])
     statements = [str(row[0]) for row in found.rows]
     assert "V* at d = 5 nm grows from D = 2.1 to 2.9" in statements
     assert any("at p = 0.1 MPa, D = 2.1" in statement for statement in statements)
