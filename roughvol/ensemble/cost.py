@@ -89,13 +89,13 @@ def convolutions_per_step(shape: tuple[int, int], rtol: float, area: float, step
 
 
 def expected_area(level: Level, case: Case, shape: tuple[int, int]) -> float:
-    """Return the contact area fraction to expect at the end of a leg; of an unknown scale that on the mean plane."""
+    """Return the contact area fraction to expect at the end of a leg; of an unknown scale that of a light load."""
     kind, value = level.kind, level.value or 0.0
     if kind.startswith(("percolation", "leak_rate")):
         return CLOSED
     if unit_of(level.value) is not None:
         if case.height is None:
-            kind, value = "mean-plane", 0.0
+            kind, value = "pressure", PRESSURE
         else:
             scale = Scale(case.E_star, case.L, case.height, case.L**2, case.modulus_unit, case.length_unit)
             kind, value = scale.starred(kind, value)

@@ -110,6 +110,14 @@ def test_steps_cost_as_measured(m: int, sweep: str, measured: float) -> None:
     assert measured / 2 <= convolutions_per_step(shape, 1e-6, area, case.sweep.steps) <= 2 * measured
 
 
+@pytest.mark.parametrize("sides", ["free", "mirrored", "periodic"])
+def test_a_load_in_mpa_on_heights_of_unknown_scale_is_no_full_contact(sides: str) -> None:
+    """Scans under a light load were stated at three times their seconds."""
+    spectral = f"surface: {{H: 0.8, n: 256, L: 100 um, Sq: 1 um, sides: {sides}}}\nmaterial: {{E_star: 1 GPa}}\n"
+    case = case_of(spectral + "sweep: {steps: 9, to: {pressure: 2 MPa}}")
+    assert 0.01 < expected_area(case.sweep.target, case, (256, 256)) < 0.2
+
+
 @pytest.mark.parametrize("target", ["{contact_area: 0.06}", "{pressure: 1}"])
 def test_a_search_costs_less_than_a_sweep_of_sixty_steps(target: str) -> None:
     text = "surface: {{D: 2.4, m: 7, seeds: 1}}\nsweep: {{steps: {}, to: {}}}"
