@@ -118,6 +118,20 @@ def test_an_encoding_without_a_character_prints_its_escape(place: Path, encoding
         assert done.stdout == call(*command).stdout.encode(encoding, "backslashreplace").decode(encoding)
 
 
+def test_the_locale_c_prints_escapes_too_and_keeps_the_bytes_of_names(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown = call("show", "tiny").stdout
+    (place / "runs" / "tiny").rename(place / "Größe")
+    monkeypatch.setenv("LC_ALL", "C")
+    done = python("-m", "roughvol", "status", "Größe")
+    assert done.stdout.startswith("Größe: 8 of 8 cases finished")
+    monkeypatch.setenv("PYTHONUTF8", "0")
+    monkeypatch.setenv("PYTHONCOERCECLOCALE", "0")
+    done = python("-m", "roughvol", "show", "Größe")
+    assert done.stdout == shown.encode("ascii", "backslashreplace").decode()
+
+
 def test_status_counts_and_names_what_is_missing(place: Path) -> None:
     assert "8 of 8 cases finished, collected" in said("status", "tiny.yaml")
     gone, broken, *_ = sorted((place / "runs" / "tiny" / "cases").iterdir())

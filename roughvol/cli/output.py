@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import csv
 import errno
@@ -69,8 +70,14 @@ def is_seen() -> bool:
 
 
 def escape(stream: TextIO | None) -> None:
-    """Make a stream write characters that its encoding lacks as escapes, as standard error does."""
-    if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":  # None where it was closed
+    """Make a stream write characters that its encoding lacks as escapes, as standard error does.
+
+    In the locale C Python keeps the bytes of names, ``surrogateescape``: ASCII lacks σ all the same, UTF-8 nothing.
+    """
+    if not isinstance(stream, io.TextIOWrapper):  # None where it was closed
+        return
+    unicode = codecs.lookup(stream.encoding).name.startswith("utf")
+    if stream.errors == "strict" or (stream.errors == "surrogateescape" and not unicode):
         stream.reconfigure(errors="backslashreplace")
 
 
