@@ -64,6 +64,7 @@ def run(
     from roughvol.campaign import execution, signals
     from roughvol.questions import study_of
     from roughvol.report import screen
+    from roughvol.store import variants
 
     loaded, folder = study_of(given(study, changes), changes)
     folder = out or folder
@@ -95,7 +96,7 @@ def run(
     say(f"{count(last.cases, 'case')} in {duration(seconds)}{before}")
     if "step" in results.sizes:
         say_parts(named, screen.summary)
-    say("\n".join([*_summary(results, folder / "study.nc"), str(folder / "study.nc")]))
+    say("\n".join([*_summary(variants.counted_once(results, loaded), folder / "study.nc"), str(folder / "study.nc")]))
     warn(results.attrs["warnings"].splitlines())
 
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from xarray import Dataset
+from xarray import DataArray, Dataset
 
 from roughvol.errors import DatasetError, StudyError
 from roughvol.observables.variables import STATES, VARIABLES
@@ -139,6 +139,23 @@ def parts_of(results: Dataset) -> list[Part]:
     if not found:
         raise DatasetError(f"the study of the dataset has no combination with its values of {', '.join(held)}")
     return found
+
+
+def counted_once(results: Dataset, study: Study) -> Dataset:
+    """Return results without fields, a case that several combinations share in the first of these alone.
+
+    E* and ν act through p* alone, so combinations of moduli may share their cases.
+    """
+    parts = parts_of(results)
+    if len(parts) == 1:
+        return results
+    ids = {variant.words: {case.id for case in variant.study.cases()} for variant in study.variants}
+    held, seen = list(parts[0].labels), set[str]()
+    first = DataArray(np.zeros([results.sizes[name] for name in held], bool), {n: results[n] for n in held}, held)
+    for part in parts:
+        first.loc[part.labels] = not ids[part.words] <= seen
+        seen |= ids[part.words]
+    return results.drop_dims(("x", "y"), errors="ignore").where(first)
 
 
 def of_one_combination(results: Dataset) -> Dataset:

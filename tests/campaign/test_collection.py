@@ -20,6 +20,7 @@ from roughvol.store import dataset
 from roughvol.store.variants import parts_of
 from roughvol.study import load, loads
 from roughvol.study.sections import height_file
+from roughvol.study.values.durations import duration
 from tests.campaign.kit import files_of, table
 from tests.kit import call, refused, said
 
@@ -190,6 +191,23 @@ def test_equal_starred_loads_share_their_cases_and_a_further_item_computes_its_o
     }
     assert (len(before), len(files_of(Path("runs/x")))) == (4, 6)
     assert before.items() <= files_of(Path("runs/x")).items()
+
+
+def test_a_case_of_several_combinations_counts_once_at_the_end_of_a_run() -> None:
+    text = MADE + "material: {E: [5 MPa, 10 MPa], nu: 0.5}\nsweep: {steps: 3, to: {pressure: 1}}\n"
+    text += "record: {fields_at: {free_volume: 1e-9}, transport: {percolation: every-step}}\n"
+    Path("both.yaml").write_text(text, encoding="utf-8")
+    told = said("run", "both.yaml", "--jobs", "1")
+    ds = roughvol.open("both")
+    assert ds.residual.sizes == {"E": 2, "D": 1, "m": 1, "seed": 2, "step": 3}
+    assert "2 cases in " in told
+    assert "6 states, " in told
+    assert "free_volume=1e-09 was not reached in 2 cases" in told
+    spent = ds.observable_time.isel(E=0).sum(["D", "m", "seed"])
+    shown = ", ".join(f"{one.observable.item()} {duration(float(one))}" for one in spent)
+    assert f"time of the observables, all cases: {shown}" in told
+    Path("apart.yaml").write_text(text.replace("pressure: 1}", "pressure: 0.05 MPa}"), encoding="utf-8")
+    assert "12 states, " in said("run", "apart.yaml", "--jobs", "1")
 
 
 def test_ends_regions_materials_filters_and_hardness_are_axes() -> None:
