@@ -342,6 +342,46 @@ def test_the_print_keeps_its_text_on_the_page() -> None:
         assert 0.0 < box.y0 <= box.y1 < 1.0, text.get_text()
 
 
+@pytest.mark.layout
+@pytest.mark.parametrize(
+    ("words", "shown"), [(15, "the last fact"), (150, "3 on the page of HTML"), (3000, "The rest is on")]
+)
+def test_the_print_ends_on_the_page_whatever_it_has(words: int, shown: str) -> None:
+    """Long facts take smaller type, then the place of limits; at last a sentence leads to the page of HTML."""
+    from roughvol.report.document import Document, Section
+    from roughvol.report.figures import card_print
+
+    card = roughvol.card(_study(PRESSED), jobs=1).cards[""]
+    limits = tuple(f"surface {k}: {'a limit that is exceeded by much; ' * 5}" for k in range(3))
+    facts = (*[(f"fact {k}", "a word " * words) for k in range(10)], ("identity", "the last fact"))
+    parts = Section("Limits", sections=(Section(kind="warnings", items=limits),)), Section("Facts", facts=facts)
+    fig = card_print.page_of(card, Document("A card", sections=parts))
+    renderer = FigureCanvasAgg(fig).get_renderer()
+    boxes = [text.get_window_extent(renderer).transformed(fig.transFigure.inverted()) for text in fig.texts]
+    assert min(box.y0 for box in boxes) > 0.0
+    assert any(shown in text.get_text() for text in fig.texts)
+
+
+def test_a_card_of_several_files_names_the_files_of_what_differs() -> None:
+    _maps(0.4, 0.5, 0.6)
+    for name in ("face1.txt", "face2.txt"):
+        z = 1e3 * np.loadtxt(name)
+        z[3, 4] = np.nan if name == "face2.txt" else z[3, 4]
+        np.savetxt(name, z, header="heights in nm")
+    files = "{files: [face0.txt, face1.txt, face2.txt], L: 100 um, level: tilt, missing: interpolate}"
+    found = roughvol.card(_study(SEAL.replace(GENERATED, files)), at="pressure=0.02 MPa", jobs=1)
+    (runs,) = found.runs.values()
+    facts = dict(card_text.rests_on([one.fine.dataset for one in runs.values()])[0])
+    steps = (
+        "least-squares tilt of the known heights subtracted; missing heights filled with the mean of their neighbours"
+    )
+    units = "face0.txt: numbers of the file are in µm; face1.txt, face2.txt: numbers of the file are in nm"
+    assert facts["Treatment"] == f"{steps}; {units}"
+    assert facts["Missing heights"] == "face0.txt, face1.txt: none; face2.txt: 0.35% of the nodes, 1 node, filled"
+    assert facts["Nodes"] == "17 x 17, 6.25 µm apart"
+    assert facts["Sweep"] == "4 steps to percolation"
+
+
 def test_a_page_has_what_the_numbers_rest_on() -> None:
     _maps(0.4)
     text = SEAL.replace(GENERATED, "{file: face0.txt, L: 100 um, level: tilt, missing: interpolate}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from xarray import Dataset
@@ -33,6 +33,7 @@ SAME = 1e-3  # relative difference of loads that are shown as the same
 NOT_OF_A_CARD = ("File", "States", "Comment", "Seal")  # facts of a run that a card leaves out, or has elsewhere
 FLUID = ("Leak rate", "Fluid pressure", "Gas")  # facts of the flow, which a terminal shows too
 OF_EACH = ("Nodes", "Size", "Treatment", "Missing heights")  # facts of several files that stand beside each other
+NAMED = 4  # files of a fact that are named
 
 
 @dataclass(frozen=True)
@@ -312,7 +313,7 @@ def _size(table: Dataset, unit: str) -> str:
 
 def rests_on(fine: Sequence[Dataset]) -> tuple[list[tuple[str, str]], list[str], list[str]]:
     """Return size, treatment, material and fluid of the runs, and the limits of the model kept and exceeded."""
-    found: dict[str, dict[str, None]] = {}
+    found: dict[str, dict[str, list[str]]] = {}
     kept, exceeded = {limit.key: limit.kept for limit in validity.LIMITS.values() if limit.kept}, list[str]()
     for ds in fine:
         run = Run.of("", ds)
@@ -320,15 +321,33 @@ def rests_on(fine: Sequence[Dataset]) -> tuple[list[tuple[str, str]], list[str],
         for name, value in (*own.surface, *_material(run), *own.loading):
             if name not in NOT_OF_A_CARD:
                 words = micro(value.replace(own.title, "the file"))
-                found.setdefault(name, {})[words] = None
+                found.setdefault(name, {}).setdefault(words, []).append(own.title)
         label = f"{own.title}: " if len(fine) > 1 else ""
         exceeded += [f"{label}{line}" for line in own.warnings]
         study = run.study
         held = validity.kept(validity.setting(study), run.dataset) if study is not None else []
         kept = {limit.key: limit.kept for limit in held if limit.key in kept}
     # the table of surfaces has what differs, but for sizes and treatments
-    pairs = [(name, "; ".join(values)) for name, values in found.items() if len(values) == 1 or name in OF_EACH]
+    pairs = [(name, _of_files(values)) for name, values in found.items() if len(values) == 1 or name in OF_EACH]
     return pairs, list(kept.values()), list(dict.fromkeys(exceeded))
+
+
+def _of_files(values: Mapping[str, Sequence[str]]) -> str:
+    """Return a fact of several files: the steps that all have, then those of some files behind their names."""
+    steps = {tuple(words.split("; ")): names for words, names in values.items()}
+    of_all = [step for step in next(iter(steps)) if all(step in own for own in steps)]
+    of_some = dict[str, list[str]]()
+    for own, names in steps.items():
+        for step in own:
+            if step not in of_all:
+                of_some.setdefault(step, []).extend(names)
+    named = (f"{_some(names)}: {step}" for step, names in of_some.items())
+    return "; ".join([*of_all, *named])
+
+
+def _some(names: Sequence[str]) -> str:
+    """Return the names of files, or the number of many."""
+    return ", ".join(names) if len(names) <= NAMED else f"{len(names)} files"
 
 
 def _material(run: Run) -> Iterator[tuple[str, str]]:

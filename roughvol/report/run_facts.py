@@ -266,7 +266,7 @@ def _pressed(study: Study, region: str) -> list[tuple[str, str]]:
     if sweep.steps:
         solving, kernel = study.solving, study.kernel(study.surface.length_unit).label
         solver = f"{solving.method}, residual η/σ at most {solving.tolerance:g}, kernel {kernel}"
-    legs = ", ".join(f"{leg.steps} step{'s' * (leg.steps != 1)} to {leg.target.label}" for leg in sweep.legs)
+    legs = ", ".join(f"{leg.steps} step{'s' * (leg.steps != 1)} to {_end(leg.target.label)}" for leg in sweep.legs)
     return [
         ("Comment", study.comment or ""),
         ("Contact modulus E*", f"{number(material.contact_modulus)}{unit or ' (no unit given)'}"),
@@ -276,6 +276,12 @@ def _pressed(study: Study, region: str) -> list[tuple[str, str]]:
         ("Region observed", region if study.record.region is not None else ""),
         ("Seal", leaks),
     ]
+
+
+def _end(label: str) -> str:
+    """Return the end of a leg in words: the closing of the last way has labels as ``percolation-x``."""
+    kind, _, axis = label.partition("percolation-")
+    return label if kind or not axis else "percolation" if axis == "both" else f"percolation along {axis}"
 
 
 # states

@@ -23,13 +23,30 @@ from roughvol.report.figures.style import GREY, STYLE, Drawing
 A4 = (595.0, 842.0)  # width and height
 SMALL = {"font.size": 8.0, "axes.labelsize": 8.0, "axes.titlesize": 8.0, "legend.fontsize": 7.0}  # of the drawings
 TITLE, ANSWER, CAPTION = 16.0, 10.0, 7.5  # sizes of type
-TEXT = (8.0, 7.75, 7.5, 7.25, 7.0, 6.75, 6.5, 6.25, 6.0, 5.75, 5.5, 5.25)  # below the drawings: the largest that fits
+TEXT = (
+    8.0,
+    7.75,
+    7.5,
+    7.25,
+    7.0,
+    6.75,
+    6.5,
+    6.25,
+    6.0,
+    5.75,
+    5.5,
+    5.25,
+    5.0,
+    4.75,
+)  # below the drawings: the largest that fits
 LEFT, TOP, FOOT = 42.0, 36.0, 24.0  # margins
 WIDTH, GUTTER = A4[0] - 2.0 * LEFT, 20.0
 HALF = (WIDTH - GUTTER) / 2.0  # of a column beside another
 LINE = 1.36  # height of a line over its size
 ABOVE, AXES, BELOW = 40.0, 136.0, 32.0  # heights of the legends, of the axes, of the labels under them
 MOST = 6  # surfaces and limits that the page has; the page of HTML has all
+FEWER = (3, 1, 0)  # limits in the smallest type, where it does not fit
+CUT = "The rest is on the page of HTML."
 NAMES = 0.4  # largest share of a column that the names of facts take
 ROUNDING = 1e-6
 STEP = 2.0  # by which columns of a table are narrowed
@@ -61,9 +78,24 @@ def page_of(card: Card, document: Document) -> Drawing:
         lines = _paragraph(document.title, WIDTH, TITLE, "bold")
         lines += [line for part in lead for line in _section(part, WIDTH, ANSWER)]
         place = _draw(fig, card, _write(fig, lines, TOP))
-        size = next((size for size in TEXT if place + _height(_all(rest, size)) <= A4[1] - FOOT), TEXT[-1])
-        _write(fig, _all(rest, size), place)
+        _write(fig, _fitting(rest, A4[1] - FOOT - place), place)
     return fig
+
+
+def _fitting(parts: Sequence[Section], room: float) -> list[Line]:
+    """Return the lines of sections in the largest type that fits, with fewer limits if none does.
+
+    Where the smallest type without limits is too high, the lines end with a sentence.
+    """
+    looks = [(size, MOST) for size in TEXT] + [(TEXT[-1], most) for most in FEWER]
+    for size, most in looks:
+        found = _all(parts, size, most)
+        if _height(found) <= room:
+            return found
+    end = _paragraph(CUT, WIDTH, TEXT[-1], "bold")
+    while _height([*found, *end]) > room:
+        found.pop()
+    return [*found, *end]
 
 
 def _draw(fig: Figure, card: Card, top: float) -> float:
@@ -98,18 +130,18 @@ def _height(lines: Sequence[Line]) -> float:
 # sections as lines
 
 
-def _all(parts: Sequence[Section], size: float) -> list[Line]:
-    """Return the lines of sections; those of kind ``pair`` stand beside each other."""
+def _all(parts: Sequence[Section], size: float, most: int) -> list[Line]:
+    """Return the lines of sections, with so many limits; those of kind ``pair`` stand beside each other."""
     found: list[Line] = []
     for part in parts:
         if part.kind == "pair":
-            found += _columns([_section(inner, HALF, size) for inner in part.sections])
+            found += _columns([_section(inner, HALF, size, most) for inner in part.sections])
         else:
-            found += _section(part, WIDTH, size)
+            found += _section(part, WIDTH, size, most)
     return found
 
 
-def _section(part: Section, width: float, size: float) -> list[Line]:
+def _section(part: Section, width: float, size: float, most: int = MOST) -> list[Line]:
     """Return the lines of a section under its title."""
     found = [Line(0.7 * size)] if part.title else []
     found += _paragraph(part.title, width, size + 2.0, "bold")
@@ -120,15 +152,16 @@ def _section(part: Section, width: float, size: float) -> list[Line]:
         found += _columns(_halves([_facts([fact], HALF, size, Piece(0.0, "", colour=GREY)) for fact in part.facts]))
     for table in part.tables:
         found += _table(table, width, size)
-    listed = [f"•  {item}" for item in (*part.items[:MOST], *_left(part.items))]
+    listed = [f"•  {item}" for item in (*part.items[:most], *_left(part.items, most))]
     items = [f"{part.under} {'; '.join(part.items)}."] if part.under else listed
     found += [line for item in items for line in _paragraph(item, width, size)]
-    return [*found, *(line for inner in part.sections for line in _section(inner, width, size))]
+    return [*found, *(line for inner in part.sections for line in _section(inner, width, size, most))]
 
 
-def _left(items: Sequence[object]) -> list[str]:
+def _left(items: Sequence[object], most: int) -> list[str]:
     """Return how many items the page leaves out, in words; empty where it has all."""
-    return [f"and {len(items) - MOST} more, on the page of HTML"] if len(items) > MOST else []
+    left = len(items) - most
+    return [f"and {left} more, on the page of HTML" if most else f"{left} on the page of HTML"] if left > 0 else []
 
 
 def _paragraph(text: str, width: float, size: float, weight: str = "normal") -> list[Line]:
@@ -149,11 +182,9 @@ def _facts(facts: Sequence[tuple[str, str]], width: float, size: float, name: Pi
 
 def _halves(blocks: Sequence[list[Line]]) -> list[list[Line]]:
     """Return blocks of lines in two columns of about the same height."""
-    total, first = sum(map(len, blocks)), list[Line]()
-    left = 0
-    while 2 * len(first) < total:
-        first, left = first + blocks[left], left + 1
-    return [first, [line for block in blocks[left:] for line in block]]
+    heights = [len(block) for block in blocks]
+    left = min(range(len(blocks) + 1), key=lambda k: max(sum(heights[:k]), sum(heights[k:])))
+    return [[line for block in some for line in block] for some in (blocks[:left], blocks[left:])]
 
 
 def _columns(columns: Sequence[list[Line]]) -> list[Line]:
@@ -183,7 +214,7 @@ def _table(table: Table, width: float, size: float) -> list[Line]:
         for texts in itertools.zip_longest(*cells, fillvalue=""):
             look = {"colour": GREY} if number == 0 else {}
             found.append(Line(size, tuple(Piece(x, text, **look) for x, text in zip(starts, texts, strict=False))))
-    return [*found, *(line for words in _left(table.rows) for line in _paragraph(words, width, size))]
+    return [*found, *(line for words in _left(table.rows, MOST) for line in _paragraph(words, width, size))]
 
 
 # lines of a width
