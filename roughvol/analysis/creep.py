@@ -315,7 +315,7 @@ def _interval(leak: OverSurfaces, k: int) -> str:
 
 
 def _time(seconds: float) -> str:
-    for size, unit in ((86400.0, "day"), (3600.0, "h"), (60.0, "min")):
+    for size, unit in ((31557600.0, "year"), (86400.0, "day"), (3600.0, "h"), (60.0, "min")):
         if seconds >= size:
             return f"{seconds / size:.3g} {unit}"
     return f"{seconds:.3g} s"

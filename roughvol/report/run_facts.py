@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -242,8 +242,7 @@ def _loading(run: Run) -> Pairs:
         pairs.append(
             (f"{'Certified' if proved else 'Bound of the'} error of p*", f"{bound:.1e} at most, relative{words}")
         )
-    answers = (line.partition(": ") for line in str(ds.attrs.get("answer", "")).splitlines())
-    pairs += [(name, text) for name, colon, text in answers if colon]
+    pairs += _answers(str(ds.attrs.get("answer", "")).splitlines())
     fluid = study.record.fluid_pressure if study is not None else None
     gas = ds["gas_leak_rate"].attrs if "gas_leak_rate" in ds else {}
     pairs += [
@@ -252,6 +251,15 @@ def _loading(run: Run) -> Pairs:
         ("Gas", "{gas}; law {law}, mean free path {mean_free_path}".format_map(gas) if "gas" in gas else ""),
     ]
     return _known(*pairs)
+
+
+def _answers(lines: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Yield the means and costs of an ensemble by their names, then its other sentences together."""
+    named = [line for line in lines if line.startswith(("mean ", "D = "))]
+    for line in named:
+        name, _, text = line.partition(": ")
+        yield name, text
+    yield "Ensemble", "; ".join(line for line in lines if line not in named)
 
 
 def _pressed(study: Study, region: str) -> list[tuple[str, str]]:

@@ -163,8 +163,8 @@ def _exponent(group: Dataset) -> list[str]:
     change = 100.0 * float(np.abs(fewer[both] / stiffness[both] - 1.0).max())
     every, half = np.nanmean(exponents, axis=1)
     return [
-        f"K is a difference between steps: with every second step it changes by up to {change:.0f} %, and goes with "
-        f"p^{half:.2f} in place of p^{every:.2f} over the first leg."
+        f"K goes with p^{every:.2f} over the first leg. It is a difference between steps: with every second step it "
+        f"changes by up to {change:.0f} %, and goes with p^{half:.2f}."
     ]
 
 

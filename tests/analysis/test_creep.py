@@ -298,6 +298,14 @@ def test_unknown_leaks_of_a_surface_are_not_extrapolated(
         creep.history(_swept(leaks, run), law, 1e-3, [1.0, 2.0, 4.0])
 
 
+def test_times_stand_in_the_largest_unit(run: Dataset, tmp_path: Path) -> None:
+    law = _law("prony: {shares: [0.5], times: [1 s]}", tmp_path)
+    times = ["0.5 s", "90 s", "2 h", "1 day", "1 year", "10 year", "1000 year"]
+    over_time = creep.history(run, law, 0.016, read_times(", ".join(times)))
+    shown = [row[0] for row in creep.table_of(over_time).rows]
+    assert shown == ["0.5 s", "1.5 min", "2 h", "1 day", "1 year", "10 year", "1e+03 year"]
+
+
 def test_a_seal_that_is_closed_has_no_error_of_its_leak(run: Dataset, law: Creep) -> None:
     closed = creep.history(_swept([[9.0, 0.0, 0.0, 0.0]], run), law, 1e-3, [2.0, 8.0])
     assert creep.table_of(closed).note == "read off the stored sweep"

@@ -125,7 +125,10 @@ def test_a_run_shows_stiffness_and_conductance(tmp_path):
         np.mean([np.polyfit(x, np.log(y), 1)[0] for x, y in zip(p, k.reshape(2, -1), strict=True)])
         for k in (fewer, stiffness.values)
     ]
-    assert f"by up to {change:.0f} %, and goes with p^{exponents[0]:.2f} in place of p^{exponents[1]:.2f}" in table.note
+    assert f"K goes with p^{exponents[1]:.2f} over the first leg. " in table.note
+    assert (
+        f"with every second step it changes by up to {change:.0f} %, and goes with p^{exponents[0]:.2f}" in table.note
+    )
     fig = content.draw("conductance_of_p", [content.Named("heat", results)])
     assert fig.axes[0].get_xscale() == fig.axes[0].get_yscale() == "log"
 

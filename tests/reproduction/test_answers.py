@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from roughvol.analysis.stored_run import Run
+from roughvol.report.run_facts import facts
 from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.ensemble_means import HEAD, answers
 from roughvol.reproduction.judgement import judge
@@ -51,6 +53,17 @@ def test_the_exponent_of_the_area_is_that_of_its_last_levels(results: Dataset) -
     (row,) = [row for row in found.rows if row[0].startswith("n > 0") and row[0].endswith("D = 2.9")]
     means = results.contact_area_fraction_level_mean.sel(D=2.9, ensemble_at="pressure=0.1").values
     assert math.isclose(float(row[1]), math.log2(means[-2] / means[-1]), rel_tol=1e-3)
+
+
+def test_the_report_has_every_sentence_of_an_ensemble(results: Dataset) -> None:
+    lines = results.answer.splitlines()
+    remarks = ["the error between steps of free_volume: take more sweep.steps", "stopped by the budget of 1 s"]
+    found = facts(Run.of("trial", results.assign_attrs(answer="\n".join([*lines, *remarks]))))
+    loading = dict(found.loading)
+    assert lines[-1] == "6 steps a sweep; the errors between them are those of 24 trial surfaces with more steps"
+    assert loading["Ensemble"] == "; ".join([lines[-1], *remarks])
+    assert all(loading[line.split(": ")[0]] == line.split(": ", 1)[1] for line in lines[:-1])
+    assert "Ensemble" not in dict(facts(Run.of("seeds", results.assign_attrs(answer=""))).loading)
 
 
 def test_a_run_of_seeds_has_no_such_section(results: Dataset) -> None:
