@@ -165,7 +165,8 @@ def test_the_unit_of_a_leak_decides_between_liquid_and_gas() -> None:
     for words, message in (
         (["1 sccm", "--budget"], "the budget of the error is that of a liquid"),
         (["1 sccm", "--for", "Sq", "--at", "pressure=1 kPa"], "mean free path"),
-        (["1 mm^3/s"], ""),
+        (["1 mm^3/s"], "the run has the leak of a gas alone; allowed: a unit of throughput, as in sccm"),
+        (["1"], "allowed: a unit of throughput, as in sccm"),
     ):
         assert message in refused("ask", "gas", "--leak-rate", *words)
     ran("far", GAS.replace("every-step", "{contact_area: 0.9}").replace("name: gas", "name: far"))

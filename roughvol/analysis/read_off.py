@@ -206,6 +206,9 @@ def checked(run: Dataset, *, leaks: bool = True) -> Dataset:
     if "mean_pressure" not in run:
         raise refused("the run has no state: nothing was pressed")
     if leaks and "leak_rate" not in run:
+        if "gas_leak_rate" in run:
+            unit = run["gas_leak_rate"].attrs["units"]
+            raise refused(f"the run has the leak of a gas alone; allowed: a unit of throughput, as in {unit}")
         raise refused("the run has no leak rates: record dimensional.leak_rate")
     several = [dim for dim in ONE_OF_EACH if run.sizes.get(dim, 1) > 1]
     if several:
