@@ -42,7 +42,7 @@ _PLAIN = {
     "less_than_equal": "must be <= {le}",
     "finite_number": "must be a finite number",
     "literal_error": "must be {expected}",
-    "string_pattern_mismatch": "allowed: letters, digits, _, - and dots, a letter, digit or _ first",
+    "string_pattern_mismatch": "allowed: letters A-Z and a-z, digits, _, - and dots, a letter, digit or _ first",
     "too_short": "must be a list of at least {min_length}",
     "string_too_long": "must have at most {max_length} characters",
 }
