@@ -193,6 +193,21 @@ def test_equal_starred_loads_share_their_cases_and_a_further_item_computes_its_o
     assert before.items() <= files_of(Path("runs/x")).items()
 
 
+@pytest.mark.parametrize(
+    ("moduli", "words"),
+    [
+        ("[5 MPa, 10 MPa]", "Run soft: E = 5 MPa, E = 10 MPa. "),
+        ("[1, 2, 3, 4, 5, 6, 7]", "Run soft: 7 combinations; the legend names them. "),
+        ("[5 MPa]", "Run soft, E = 5 MPa: D = 2.3, m = 4, L = 100 µm, "),
+    ],
+)
+def test_the_note_of_a_figure_names_the_run_of_its_combinations(moduli: str, words: str) -> None:
+    text = MADE + f"material: {{E: {moduli}, nu: 0.5}}\nsweep: {{pressures: [0.5, 1]}}"
+    figure = roughvol.plot(roughvol.run(loads(text, "soft.yaml"), jobs=1), "v_of_p")
+    notes = [note.get_text().replace("\n", " ") for note in figure.texts]
+    assert any(note.startswith(words) for note in notes), notes
+
+
 def test_a_case_of_several_combinations_counts_once_at_the_end_of_a_run() -> None:
     text = MADE + "material: {E: [5 MPa, 10 MPa], nu: 0.5}\nsweep: {steps: 3, to: {pressure: 1}}\n"
     text += "record: {fields_at: {free_volume: 1e-9}, transport: {percolation: every-step}}\n"

@@ -70,10 +70,11 @@ IN_WORDS = f"Y_of_X as v_of_p, X of {', '.join(BELOW)}, Y of these or {', '.join
 
 @dataclass(frozen=True)
 class Named:
-    """A run to overlay: its name and its dataset."""
+    """A run to overlay: its name and its dataset, and of a combination named by its words the run."""
 
     name: str
     dataset: Dataset
+    run: str = ""
 
     @cached_property
     def ready(self) -> Dataset:
@@ -85,7 +86,7 @@ def parts(stored: Sequence[tuple[str, Dataset]]) -> list[Named]:
     """Return the runs to overlay of datasets and their names: one for each combination of the lists of a study."""
     found = [(name, part) for name, ds in stored for part in parts_of(ds)]
     if len(stored) == 1:
-        return [Named(part.words or name, part.dataset) for name, part in found]
+        return [Named(part.words or name, part.dataset, name if part.words else "") for name, part in found]
     return [Named(", ".join(filter(None, (name, part.words))), part.dataset) for name, part in found]
 
 
@@ -126,7 +127,7 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
     """Return a figure by content that is not `missing`, its curves named by run where there are several."""
     y_key, x_key = name.rsplit("_of_", 1)
     common: dict[str, str] = {}
-    ready = [Named(run.name, in_units(first_leg(run.ready), common)) for run in runs]
+    ready = [Named(run.name, in_units(first_leg(run.ready), common), run.run) for run in runs]
     x, y = _variable(x_key, ready), _variable(y_key, ready)
     flows = average.is_flow(y)
     height, few = (3.2, 2) if flows else (3.0, 4)  # inches, and lines of a legend that fit them
@@ -210,11 +211,13 @@ def _fluids(runs: Sequence[Named]) -> list[str]:
 def _origin(runs: Sequence[Named], some: Sequence[Family]) -> str:
     """Return the runs of a figure in words, or their number where they are many, and which leg of a path it shows."""
     names = [file_text(run.name) for run in runs]
-    words = f"Runs {('; ' if any(', ' in name for name in names) else ', ').join(names)}."
+    of = file_text(runs[0].run)
+    listed = ("; " if any(", " in name for name in names) else ", ").join(names)
+    words = f"Run {of}: {listed}." if of else f"Runs {listed}."
     if len(runs) == 1:
-        words = f"Run {names[0]}: {surfaces(runs[0].dataset, shown(some))}."
+        words = f"Run {', '.join(filter(None, (of, names[0])))}: {surfaces(runs[0].dataset, shown(some))}."
     elif len(runs) > MANY:
-        words = f"{len(runs)} runs or combinations; the legend names them."
+        words = f"Run {of}: " * bool(of) + f"{len(runs)} {'' if of else 'runs or '}combinations; the legend names them."
     if any("leg" in run.dataset for run in runs):
         words = f"{words} Leg 1 of a path; path_loops draws every leg."
     return " ".join([words, *dict.fromkeys(line for run in runs for line in written(run.dataset))])
