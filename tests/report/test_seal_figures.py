@@ -395,6 +395,15 @@ def test_the_map_of_a_period_marks_the_constriction_of_a_flow_across_its_sides()
     assert fig.get_size_inches()[0] < 5.0  # one map takes no page
 
 
+def test_the_map_of_a_closed_way_has_no_flow() -> None:
+    text = "surface: {D: 2.2, m: 4, seeds: [0]}\nsweep: {steps: 3, to: percolation}\n"
+    flows = "{constriction: every-step, transmissivity: last, flux_at: last}"
+    closed = run_case(loads(f"{text}record: {{fields_at: last, transport: {flows}}}").cases()[0])
+    fig = FIGURES["seal_map"](closed)
+    assert fig.axes[0].get_title().splitlines()[1] == r"$T_x^{\ast} = 0$"
+    assert not fig.axes[0].lines  # and no constriction
+
+
 def test_a_map_without_flux_and_gap_at_one_state_is_refused(ds: Dataset) -> None:
     apart = ds.assign_coords(flux_at=["step=3", "step=6"])
     unreached = ds.assign(flux_at_step=-1 * xr.ones_like(ds.flux_at_step))

@@ -302,8 +302,10 @@ def seal_map(ds: Dataset) -> Drawing:
                 ax.plot(x[place[0]], y[place[1]], mec=colour, mew=width, **spot)
         title = rf"$A^{{\ast}} = {float(state[A]):.3f}$, $p^{{\ast}} = {float(state[P]):.2f}$"
         if "flux_at_transmissivity" in state:
-            mantissa, power = f"{float(state['flux_at_transmissivity']):.1e}".split("e")
-            title += "\n" + rf"$T_x^{{\ast}} = {mantissa} \times 10^{{{int(power)}}}$"
+            flow = float(state["flux_at_transmissivity"])
+            mantissa, power = f"{flow:.1e}".split("e")
+            words = rf"{mantissa} \times 10^{{{int(power)}}}" if flow else "0"
+            title += "\n" + rf"$T_x^{{\ast}} = {words}$"
         ax.set(xlabel="$x/L$", title=title)
     axes[0].set_ylabel("$y/L$")
     fig.colorbar(image, ax=list(axes), label="flux over its mean", extend="both", shrink=0.8)
