@@ -20,6 +20,7 @@ ROUNDS = 10  # fits of the plane: two sets of outliers may follow each other for
 LARGEST_SHARE_OUT = 0.05  # of heights taken out: beyond, they are a part of the surface
 AT_ONCE = 1 << 22  # heights of all windows that are sorted together
 AT_NODE = 1e-9  # of an axis: a place as near to a node is at the node
+ROUNDING = 2e-15  # of the largest height: what a fit leaves of an exact plane is no roughness
 LEVELS = {"none": -1, "mean": 0, "tilt": 1, "quadratic": 2}  # degree of the surface that is taken off
 FILLS = ("nearest", "interpolate")
 LARGEST_SHARE = 0.5  # of missing nodes that is filled: beyond, a map is more invented than measured
@@ -168,6 +169,8 @@ def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
         coefficients = np.zeros((degree + 1, degree + 1))
         coefficients[tuple(np.transpose(terms))] = fitted
         left -= np.where(mask, x[:, : degree + 1] @ coefficients @ y[:, : degree + 1].T, 0.0)
+    if np.abs(left[mask]).max() <= ROUNDING:  # a plane: what is left has no shape
+        left[:] = 0.0
     return np.where(mask, np.ldexp(left, exponent), np.nan)
 
 

@@ -69,6 +69,16 @@ def test_any_scale_of_heights_is_treated_alike(treated, power):
     assert np.array_equal(treated(np.ldexp(ROUGH + PLANE, power)), expected)
 
 
+@pytest.mark.parametrize(("kind", "plane"), [("mean", [0, 0]), ("tilt", [2.0, -0.7]), ("quadratic", [1e6, 3.0])])
+def test_what_rounding_leaves_of_a_plane_is_no_roughness(kind, plane):
+    x, y = np.mgrid[0:23, 0:16] / 7.0
+    heights = 3.7 + plane[0] * x + plane[1] * y
+    heights[4, 5] = np.nan
+    assert np.nanmax(np.abs(level(heights, kind))) == 0.0
+    rough = heights + 1e-9 * (1.0 + plane[0]) * np.random.default_rng(1).normal(size=heights.shape)
+    assert np.nanstd(level(rough, kind)) > 0.5e-9 * (1.0 + plane[0])
+
+
 def test_known_heights_in_one_line_are_levelled_along_it():
     heights = np.full((5, 6), np.nan)
     heights[2] = 3.0 + 0.5 * np.arange(6)
