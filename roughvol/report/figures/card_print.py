@@ -23,22 +23,7 @@ from roughvol.report.figures.style import GREY, STYLE, Drawing
 A4 = (595.0, 842.0)  # width and height
 SMALL = {"font.size": 8.0, "axes.labelsize": 8.0, "axes.titlesize": 8.0, "legend.fontsize": 7.0}  # of the drawings
 TITLE, ANSWER, CAPTION = 16.0, 10.0, 7.5  # sizes of type
-TEXT = (
-    8.0,
-    7.75,
-    7.5,
-    7.25,
-    7.0,
-    6.75,
-    6.5,
-    6.25,
-    6.0,
-    5.75,
-    5.5,
-    5.25,
-    5.0,
-    4.75,
-)  # below the drawings: the largest that fits
+TEXT = tuple(8.0 - 0.25 * k for k in range(14))  # below the drawings: the largest that fits
 LEFT, TOP, FOOT = 42.0, 36.0, 24.0  # margins
 WIDTH, GUTTER = A4[0] - 2.0 * LEFT, 20.0
 HALF = (WIDTH - GUTTER) / 2.0  # of a column beside another
