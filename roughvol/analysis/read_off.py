@@ -34,7 +34,7 @@ from roughvol.analysis.units import scales, sigma
 from roughvol.errors import StudyError
 from roughvol.observables.variables import LISTED
 from roughvol.store.variants import study_in
-from roughvol.study import Axis, Level, Quantity, convert, loads, read, refused
+from roughvol.study import AXES, Axis, Level, Quantity, convert, loads, read, refused
 from roughvol.study.plain_data import finite
 from roughvol.study.values.state_kinds import REACHED
 from roughvol.study.values.units import unit_of
@@ -215,7 +215,10 @@ def checked(run: Dataset, *, leaks: bool = True) -> Dataset:
         name, study = several[0], study_in(run)
         axis = next((listed for listed in (study.axes if study else ()) if listed.name == name), Axis(name, ()))
         held = ", ".join(axis.words(value).removeprefix(f"{name} = ") for value in run[name].values.tolist())
-        raise refused(f"the run has several {name} ({held}); allowed: surfaces of one kind at one value of each key")
+        chosen = f"; --set {'.'.join(AXES[name])}=… takes one of these" if name in AXES else ""
+        raise refused(
+            f"the run has several {name} ({held}); allowed: surfaces of one kind at one value of each key{chosen}"
+        )
     if (nominal := nominal_pressure(run, study_in(run))) is not None:
         run = run.assign(nominal_pressure=nominal)
     elif leaks:

@@ -119,7 +119,7 @@ def open(run: str | Path | None = None, *, changes: Changes = ()) -> Dataset:
 
 def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, Dataset, Study | None]:
     """Return the file of the results of a run, the results, and the study that the run was opened by."""
-    from roughvol.store import dataset  # xarray: a second
+    from roughvol.store import dataset, variants  # xarray: a second
 
     check_type(run, (str, Path, type(None)), "a run is a name or a path")
     given: Study | None = None
@@ -141,10 +141,11 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
             raise
         words = f"{file}: a height map, no run: roughvol init {_word(file)} writes a study for it"
         raise DatasetError(words) from error
-    _check(file, results, given, str(run), call)
+    own = results if given is None else variants.of_study(results, given)
+    _check(file, results, given, str(run), call, own)
     if given is not None:
-        _set_seal(results, given)
-    return file, results, given
+        _set_seal(own, given)
+    return file, own, given
 
 
 def _set_seal(results: Dataset, given: Study) -> None:
@@ -292,11 +293,14 @@ def _no_results(run: str, files: Sequence[Path], call: str) -> DatasetError:
     return DatasetError(f"no results of {run!r}: looked for {', '.join(map(str, files))}{compute}")
 
 
-def _check(file: Path, results: Dataset, given: Study | None, run: str, call: str) -> None:
-    """Refuse results that are not those of the study file, or not those of their folder; ``call`` computes them."""
-    stored = str(results.attrs.get("study", ""))
-    within = _of_another_folder(file, results, stored)
-    if given is not None and (lines := _of_another_study(file, results, stored, given)):
+def _check(file: Path, results: Dataset, given: Study | None, run: str, call: str, own: Dataset | None = None) -> None:
+    """Refuse results that are not those of the study file, or not those of their folder; ``call`` computes them.
+
+    ``own`` are the results of the combination that the study file asks for; default: all.
+    """
+    own = results if own is None else own
+    within = _of_another_folder(file, results, str(results.attrs.get("study", "")))
+    if given is not None and (lines := _of_another_study(file, own, str(own.attrs.get("study", "")), given)):
         show = "" if within else f"; to see what the folder holds: roughvol show {_word(file.parent)}"
         another = same_study.another_study(file.parent, given, sample_plan.cases_of(given, file.parent))
         beside = " --set name=OTHER, or --fresh, which replaces these results" if another else ""

@@ -17,6 +17,7 @@ from xarray import DataArray, Dataset
 from roughvol.errors import DatasetError, StudyError
 from roughvol.observables.variables import STATES, VARIABLES
 from roughvol.store import dataset
+from roughvol.store.same_study import changed_keys
 from roughvol.study import AXES, Axis, Study, Variant, loads
 
 SURFACES = (*AXES, "D", "m", "seed", "case")  # dimensions of lists and surfaces
@@ -156,6 +157,14 @@ def counted_once(results: Dataset, study: Study) -> Dataset:
         first.loc[part.labels] = not ids[part.words] <= seen
         seen |= ids[part.words]
     return results.drop_dims(("x", "y"), errors="ignore").where(first)
+
+
+def of_study(results: Dataset, study: Study) -> Dataset:
+    """Return the combination of results with the values of a study without lists; else the results as they are."""
+    if study.axes or not set(AXES) & set(results.dims):
+        return results
+    equal = (part.dataset for part in parts_of(results) if not changed_keys(_read(part.dataset.attrs["study"]), study))
+    return next(equal, results)
 
 
 def of_one_combination(results: Dataset) -> Dataset:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 from pathlib import Path
 
@@ -74,6 +75,41 @@ def test_the_run_advised_for_a_changed_study_computes_it(place: Path) -> None:
     assert "roughvol run tiny.yaml; to see" in refused("show", "tiny.yaml")  # which keeps the cases of the run
     said("run", "tiny.yaml", "--jobs", "1")
     said("show", "tiny.yaml")
+
+
+LISTED = TEXT.replace("E: 10 MPa", "E: [10 MPa, 20 MPa]").replace("L: 100", "sides: mirrored, L: 100")
+LISTED = LISTED.replace("nu: 0.5", "nu: 0.5, thickness: [none, 50 um]").replace("0.2 MPa]", "0.2 MPa, 0.4 MPa]")
+
+
+@pytest.mark.parametrize("thickness", ["none", "50 um"])
+def test_a_study_with_values_of_the_lists_of_a_run_opens_their_results(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, thickness: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("listed.yaml").write_text(LISTED, encoding="utf-8")
+    roughvol.run("listed.yaml", jobs=1)
+    changes = ["material.E=20 MPa", f"material.thickness={thickness}"]
+    alone = roughvol.run("listed.yaml", changes=[*changes, "name=alone"], jobs=1)
+    for run in ("listed", "listed.yaml"):
+        found = roughvol.open(run, changes=changes)
+        assert found.sizes == alone.sizes
+        for name in ("nominal_pressure", "leak_rate", "free_volume", "Sq"):
+            np.testing.assert_array_equal(found[name], alone[name])
+    leak = f"{float(alone['leak_rate'].sel(axis='x')[..., 1].item())!r} mm^3/s"
+    asked, exact = roughvol.ask("listed", leak_rate=leak, changes=changes), roughvol.ask("alone", leak_rate=leak)
+    assert asked.plain()["answers"] == exact.plain()["answers"]
+    assert asked.plain()["answers"][0]["value"] == pytest.approx(0.2)
+    given = [word for change in changes for word in ("--set", change)]
+    texts = [said("ask", "listed", "--leak-rate", leak, *given), said("ask", "alone", "--leak-rate", leak)]
+    first, second = (text.splitlines()[1:3] for text in texts)  # along x and y
+    assert first == second
+    assert f"roughvol card listed --set 'material.E=20 MPa' --set {shlex.quote(changes[1])}" in texts[0]
+    for change in ("material.E=30 MPa", "material.E=[20 MPa]", "surface.m=3"):
+        with pytest.raises(roughvol.errors.FolderError, match="does not hold the results of listed"):
+            roughvol.open("listed", changes=[*changes, change])
+    message = refused("ask", "listed", "--leak-rate", leak)
+    assert "the run has several E (10 MPa, 20 MPa)" in message
+    assert "--set material.E=… takes one of these" in message
 
 
 def test_a_changed_height_file_does_not_get_the_numbers_of_the_old_one(place: Path) -> None:
