@@ -330,7 +330,7 @@ def _children(pid: int) -> list[int]:
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="finds child processes in /proc")
 def test_a_killed_run_leaves_no_process_and_is_finished_later(tmp_path: Path) -> None:
-    study = LONG.replace("seeds: 16", "seeds: 5")
+    study = LONG.replace("seeds: 16", "seeds: 12")  # on a busy machine some end before the process is killed
     process = command(tmp_path, study, "--jobs", "2")
     at_work(tmp_path, process)
     children = _children(process.pid)
@@ -342,7 +342,7 @@ def test_a_killed_run_leaves_no_process_and_is_finished_later(tmp_path: Path) ->
         time.sleep(0.02)
     assert not [child for child in children if Path(f"/proc/{child}").exists()]
     before = files_of(tmp_path / "out")
-    assert 1 <= len(before) < 5
+    assert 1 <= len(before) < 12
     case = next(case for case in loads(study).cases() if f"{case.id}.nc" in before)
     stored = dataset.read(tmp_path / "out" / "cases" / f"{case.id}.nc")
     xr.testing.assert_identical(values_of(stored), values_of(run_case(case)))  # the bits of another process
