@@ -254,12 +254,14 @@ def _errors(run: StoredRun, answers: Sequence[Answer], jobs: int | None, *, clos
 def _card_at(run: StoredRun, load: str, jobs: int | None) -> Card:
     """Return the leak card of a run at a load of leg 1."""
     from roughvol.analysis import read_off
+    from roughvol.campaign.card import slug
+    from roughvol.store.variants import parts_of
     from roughvol.study import refused
 
     if not run.has_study:
         raise refused("the budget of the error takes runs of the study; allowed: a study file, or the name of a run")
     leg = ", leg 1" if read_off.path_words(run.dataset) else ""
-    folder = run.folder.with_name(f"{run.name}_card")
+    folder = run.folder.with_name(f"{run.name}_card") / slug(parts_of(run.dataset)[0].words)
     cards = card(run.study, f"{load}{leg}", out=folder, jobs=jobs)
     return cards.cards[""]
 

@@ -215,7 +215,8 @@ def checked(run: Dataset, *, leaks: bool = True) -> Dataset:
         name, study = several[0], study_in(run)
         axis = next((listed for listed in (study.axes if study else ()) if listed.name == name), Axis(name, ()))
         held = ", ".join(axis.words(value).removeprefix(f"{name} = ") for value in run[name].values.tolist())
-        chosen = f"; --set {'.'.join(AXES[name])}=… takes one of these" if name in AXES else ""
+        keys = [f"--set {'.'.join(AXES[name])}=…" for name in several if name in AXES]
+        chosen = f"; one combination opens by {' '.join(keys)}, each as the study writes it" if keys else ""
         raise refused(
             f"the run has several {name} ({held}); allowed: surfaces of one kind at one value of each key{chosen}"
         )

@@ -91,10 +91,11 @@ def ask(
 
 
 def titled(name: str, results: Dataset) -> str:
-    """Return the name of a run, with the leg that read-offs are from where it has several."""
+    """Return the name of a run, with its combination of lists and the leg that read-offs are from, of several."""
     from roughvol.analysis import read_off
+    from roughvol.store.variants import parts_of
 
-    return ", ".join(filter(None, (name, read_off.path_words(results))))
+    return ", ".join(filter(None, (name, parts_of(results)[0].words, read_off.path_words(results))))
 
 
 def beyond(run: StoredRun, given: tuple[str, Sequence[str]], *, has_errors: bool, offered: bool) -> Iterator[str]:

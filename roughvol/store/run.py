@@ -141,11 +141,11 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
             raise
         words = f"{file}: a height map, no run: roughvol init {_word(file)} writes a study for it"
         raise DatasetError(words) from error
-    own = results if given is None else variants.of_study(results, given)
-    _check(file, results, given, str(run), call, own)
+    labels = {} if given is None else variants.labels_of(results, given)
+    _check(file, results, given, str(run), call, is_part=bool(labels))
     if given is not None:
-        _set_seal(own, given)
-    return file, own, given
+        _set_seal(results, given)
+    return file, results.sel(labels) if labels else results, given
 
 
 def _set_seal(results: Dataset, given: Study) -> None:
@@ -293,14 +293,14 @@ def _no_results(run: str, files: Sequence[Path], call: str) -> DatasetError:
     return DatasetError(f"no results of {run!r}: looked for {', '.join(map(str, files))}{compute}")
 
 
-def _check(file: Path, results: Dataset, given: Study | None, run: str, call: str, own: Dataset | None = None) -> None:
+def _check(file: Path, results: Dataset, given: Study | None, run: str, call: str, *, is_part: bool = False) -> None:
     """Refuse results that are not those of the study file, or not those of their folder; ``call`` computes them.
 
-    ``own`` are the results of the combination that the study file asks for; default: all.
+    ``is_part``: the study file has some of the combinations of the results.
     """
-    own = results if own is None else own
-    within = _of_another_folder(file, results, str(results.attrs.get("study", "")))
-    if given is not None and (lines := _of_another_study(file, own, str(own.attrs.get("study", "")), given)):
+    stored = str(results.attrs.get("study", ""))
+    within = _of_another_folder(file, results, stored)
+    if given is not None and (lines := _of_another_study(file, results, stored, given, is_part=is_part)):
         show = "" if within else f"; to see what the folder holds: roughvol show {_word(file.parent)}"
         another = same_study.another_study(file.parent, given, sample_plan.cases_of(given, file.parent))
         beside = " --set name=OTHER, or --fresh, which replaces these results" if another else ""
@@ -318,9 +318,9 @@ def _check(file: Path, results: Dataset, given: Study | None, run: str, call: st
         raise FolderError(message)
 
 
-def _of_another_study(file: Path, results: Dataset, stored: str, given: Study) -> list[str]:
+def _of_another_study(file: Path, results: Dataset, stored: str, given: Study, *, is_part: bool) -> list[str]:
     """Return how the study and the height files of results differ from those of a study; a line each."""
-    if lines := _changes(file, stored, given.stored()):
+    if not is_part and (lines := _changes(file, stored, given.stored())):
         return lines
     cases = sample_plan.cases_of(given, file.parent)
     return _changed_heights(results, cases.values()) or _of_other_cases(results, cases)

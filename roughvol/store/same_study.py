@@ -83,6 +83,11 @@ def changed_keys(old: Study, new: Study) -> list[str]:
     return _changed(_keys(old), _keys(new), WORDS)
 
 
+def settings(study: Study) -> str:
+    """Return the keys of a study that may change a number, as text."""
+    return json.dumps({name: value for name, value in _keys(study).items() if name.partition(".")[0] not in WORDS})
+
+
 def _keys(study: Study) -> dict[str, Any]:
     """Return the dotted keys of a study, as in files of results."""
     return dict(_flat(study.model_dump(mode="json", context={"stored": True})))

@@ -17,7 +17,7 @@ from xarray import DataArray, Dataset
 from roughvol.errors import DatasetError, StudyError
 from roughvol.observables.variables import STATES, VARIABLES
 from roughvol.store import dataset
-from roughvol.store.same_study import changed_keys
+from roughvol.store.same_study import settings
 from roughvol.study import AXES, Axis, Study, Variant, loads
 
 SURFACES = (*AXES, "D", "m", "seed", "case")  # dimensions of lists and surfaces
@@ -159,12 +159,19 @@ def counted_once(results: Dataset, study: Study) -> Dataset:
     return results.drop_dims(("x", "y"), errors="ignore").where(first)
 
 
-def of_study(results: Dataset, study: Study) -> Dataset:
-    """Return the combination of results with the values of a study without lists; else the results as they are."""
-    if study.axes or not set(AXES) & set(results.dims):
-        return results
-    equal = (part.dataset for part in parts_of(results) if not changed_keys(_read(part.dataset.attrs["study"]), study))
-    return next(equal, results)
+def labels_of(results: Dataset, study: Study) -> dict[str, list[float | str]]:
+    """Return the labels of the lists of results that a study has, by axis; empty if it has another combination."""
+    stored = study_in(results)
+    if stored is None or not stored.axes:
+        return {}
+    labels = {settings(variant.study): variant.labels for variant in stored.variants}
+    asked = [labels.get(settings(variant.study), {}) for variant in study.variants]
+    if not all(asked):
+        return {}
+    return {
+        axis.name: [label for label in axis.labels if any(own[axis.name] == label for own in asked)]
+        for axis in stored.axes
+    }
 
 
 def of_one_combination(results: Dataset) -> Dataset:

@@ -92,9 +92,11 @@ def test_a_study_with_values_of_the_lists_of_a_run_opens_their_results(
     alone = roughvol.run("listed.yaml", changes=[*changes, "name=alone"], jobs=1)
     for run in ("listed", "listed.yaml"):
         found = roughvol.open(run, changes=changes)
-        assert found.sizes == alone.sizes
+        assert (found.sizes["E"], found.sizes["thickness"]) == (1, 1)
         for name in ("nominal_pressure", "leak_rate", "free_volume", "Sq"):
-            np.testing.assert_array_equal(found[name], alone[name])
+            np.testing.assert_array_equal(found[name].squeeze(), alone[name].squeeze())
+    half = roughvol.open("listed", changes=["material.E=[20 MPa]"])
+    assert (half.sizes["E"], half.sizes["thickness"]) == (1, 2)
     leak = f"{float(alone['leak_rate'].sel(axis='x')[..., 1].item())!r} mm^3/s"
     asked, exact = roughvol.ask("listed", leak_rate=leak, changes=changes), roughvol.ask("alone", leak_rate=leak)
     assert asked.plain()["answers"] == exact.plain()["answers"]
@@ -103,13 +105,14 @@ def test_a_study_with_values_of_the_lists_of_a_run_opens_their_results(
     texts = [said("ask", "listed", "--leak-rate", leak, *given), said("ask", "alone", "--leak-rate", leak)]
     first, second = (text.splitlines()[1:3] for text in texts)  # along x and y
     assert first == second
+    assert texts[0].startswith(f"listed, E = 20 MPa, thickness = {thickness}: ")
     assert f"roughvol card listed --set 'material.E=20 MPa' --set {shlex.quote(changes[1])}" in texts[0]
-    for change in ("material.E=30 MPa", "material.E=[20 MPa]", "surface.m=3"):
+    for change in ("material.E=30 MPa", "material.E=[20 MPa, 30 MPa]", "surface.m=3"):
         with pytest.raises(roughvol.errors.FolderError, match="does not hold the results of listed"):
             roughvol.open("listed", changes=[*changes, change])
     message = refused("ask", "listed", "--leak-rate", leak)
     assert "the run has several E (10 MPa, 20 MPa)" in message
-    assert "--set material.E=… takes one of these" in message
+    assert "one combination opens by --set material.E=… --set material.thickness=…" in message
 
 
 def test_a_changed_height_file_does_not_get_the_numbers_of_the_old_one(place: Path) -> None:
