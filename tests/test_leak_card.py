@@ -196,6 +196,28 @@ def test_coarser_grids_of_a_spectrum_hold_the_low_waves_of_its_surface(amplitude
         assert amplitude_kept == pytest.approx(1.0, abs=0.08)  # without: 1.13 of a given Sq, 1.54 of a slope
 
 
+def test_a_plane_is_called_flat_and_has_no_card() -> None:
+    np.save("plane.npy", np.add.outer(0.3 * np.arange(33), 0.1 * np.arange(33)))
+    study = SEAL.replace(GENERATED, "{file: plane.npy, L: 1 mm, heights_unit: um, level: tilt}")
+    flat = "the surface is flat once treated: Sq is 0, and numbers over Sq have no meaning"
+    Path("plane.yaml").write_text(study, encoding="utf-8")
+    assert flat in roughvol.check("plane.yaml").warnings
+    assert flat in roughvol.run("plane.yaml", jobs=1).warnings
+    assert "plane.npy is flat once it is treated, Sq is 0; allowed: a map with roughness" in refused(
+        "card", "plane.yaml"
+    )
+
+
+def test_the_order_of_seeds_changes_no_coarser_grid() -> None:
+    given = [
+        {run.study.surface.Sq for run in card_runs.plan(loads(SEAL.replace(GENERATED, surface)), Level("last")).coarser}
+        for surface in (
+            f"{{D: 2.6, m: 6, L: 100 um, Sq: 1 um, seeds: {seeds}}}" for seeds in ("[0, 1, 2]", "[2, 0, 1]")
+        )
+    ]
+    assert [pytest.approx(one) for one in sorted(given[0])] == sorted(given[1])
+
+
 def test_coarser_grids_of_a_scaled_midpoint_surface_have_its_heights() -> None:
     planned = card_runs.plan(
         loads(SEAL.replace(GENERATED, "{D: 2.9, m: 7, L: 100 um, Sq: 500 nm, seeds: [1]}")), Level("last")

@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from roughvol.campaign import execution
 from roughvol.campaign.batch import OnEvent
 from roughvol.campaign.case_surface import surface_of
@@ -71,6 +73,8 @@ def plan(study: Study, at: Level, together: Sequence[Level] = ()) -> Plan:
         problems.append(Problem("a leak card is of one kind of surface; allowed: one D and one m", "surface"))
     if problems:
         raise StudyError(problems)
+    if isinstance(surface, HeightFile) and surface_of(case := study.cases()[0]).Sq == 0.0:
+        raise refused(f"{case.label} is flat once it is treated, Sq is 0; allowed: a map with roughness")
     if study.seal is not None:
         _check_seal(study, study.seal)
     levels = [_recordable(study, level) for level in (at, *together)]
@@ -165,8 +169,9 @@ def _coarser(study: Study, factor: int) -> dict[str, Any] | None:
         return _held(surface, 2**m)
     if surface.height is None:
         return {"m": m}
-    own, coarse = (surface_of(grid.cases()[0]).Sq for grid in (study, study.changed(**{"surface.m": m})))
-    return {"m": m, "Sq": surface.height * coarse / own}  # the heights that the first surface has at these nodes
+    grids = (study, study.changed(**{"surface.m": m}))
+    own, coarse = (np.array([surface_of(case).Sq for case in grid.cases()]) for grid in grids)
+    return {"m": m, "Sq": surface.height * float(np.mean(coarse / own))}  # one scale of all seeds: that in the mean
 
 
 def _held(surface: SpectralSurface, n: int) -> dict[str, Any] | None:

@@ -121,8 +121,11 @@ def sentences(study: Study, Sq: Iterable[float], L: float, unit: str | None, *, 
 
     L and the Sq have one unit, None for an arbitrary one. ``about`` is a word before converted numbers.
     """
-    found = [*_unused(study), *_hardness(study), *_accuracies(study)]
-    heights = [float(height) for height in Sq if height > 0.0]
+    found, every = [*_unused(study), *_hardness(study), *_accuracies(study)], list(Sq)
+    if flat := every.count(0.0):
+        what = "the surface is flat" if len(every) == 1 else f"{flat} of {len(every)} surfaces are flat"
+        found.append(f"{what} once treated: Sq is 0, and numbers over Sq have no meaning")
+    heights = [float(height) for height in every if height > 0.0]
     if not heights:
         return found
     ends = [min(heights), max(heights)]
