@@ -130,6 +130,8 @@ def test_the_locale_c_prints_escapes_too_and_keeps_the_bytes_of_names(
     monkeypatch.setenv("PYTHONCOERCECLOCALE", "0")
     done = python("-m", "roughvol", "show", "Größe")
     assert done.stdout == shown.encode("ascii", "backslashreplace").decode()
+    assert python("-m", "roughvol", "status", "Größe").stdout.startswith("Größe: 8 of 8 cases finished")
+    assert python("-m", "roughvol", "plot", "Größe", "v_of_p").stdout.strip() == "Größe/figures/v_of_p.png"
 
 
 def test_status_counts_and_names_what_is_missing(place: Path) -> None:

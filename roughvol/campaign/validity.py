@@ -323,7 +323,8 @@ def _of_surfaces(given: Setting, states: _States) -> Iterator[Finding]:
         surfaces = f" on {steep} of {slopes.size} surfaces" if slopes.size > 1 else ""
         yield _finding("slope", {"highest": f"{slopes.max():.2g}", "surfaces": surfaces})
     contact = states.in_contact if given.scaled else math.nan
-    if given.unit is not None and given.hardness is None and not contact < LIMITS["metal"].value:
+    pressed = math.isnan(contact) or LIMITS["metal"].exceeded(np.array(contact))
+    if given.unit is not None and given.hardness is None and pressed:
         modulus = convert(given.modulus, given.unit, "GPa")
         if modulus >= STIFF:
             mean = f" (mean in contact: {'about ' * states.expected}{_pressure(given, contact, 'GPa')})"

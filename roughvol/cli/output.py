@@ -70,15 +70,20 @@ def is_seen() -> bool:
 
 
 def escape(stream: TextIO | None) -> None:
-    """Make a stream write characters that its encoding lacks as escapes, as standard error does.
+    """Make a stream write characters that its encoding lacks as escapes, and the bytes of file names as they are."""
+    if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):  # None: closed
+        stream.reconfigure(errors="roughvol")
 
-    In the locale C Python keeps the bytes of names, ``surrogateescape``: ASCII lacks σ all the same, UTF-8 nothing.
-    """
-    if not isinstance(stream, io.TextIOWrapper):  # None where it was closed
-        return
-    unicode = codecs.lookup(stream.encoding).name.startswith("utf")
-    if stream.errors == "strict" or (stream.errors == "surrogateescape" and not unicode):
-        stream.reconfigure(errors="backslashreplace")
+
+def _escaped(error: UnicodeError) -> tuple[bytes | str, int]:
+    """Return the escape of one character, or the byte of a file name in its place (PEP 383)."""
+    assert isinstance(error, UnicodeEncodeError)
+    one = error.object[error.start]
+    written = bytes([ord(one) - 0xDC00]) if "\udc80" <= one <= "\udcff" else one.encode("ascii", "backslashreplace")
+    return written, error.start + 1
+
+
+codecs.register_error("roughvol", _escaped)
 
 
 def silence(stream: TextIO) -> None:

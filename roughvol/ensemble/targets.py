@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_steps
 from roughvol.observables.variables import AXES, OF_STATE, VARIABLES
-from roughvol.study import CLOSING, Accuracy, Case, Ensemble, Level, Scale
+from roughvol.study import CLOSING, Accuracy, Case, Ensemble, Level, Quantity, Scale
 from roughvol.study.sections.ensemble import RECORDED_BY
 from roughvol.study.values.state_kinds import step_at, stored_name
 from roughvol.study.values.units import unit_of
@@ -100,7 +100,7 @@ def value_at(series: Series, stored: str, state: Level, case: Case) -> float:
     step = _step(series, along, state, case)
     if step is None:
         starred = _starred(series, state, case)
-        _require_reached(along, state, starred, case)
+        _require_reached(series, along, state, starred, case)
         value = float(at_state(along, quantity, starred)[0])
     else:
         value = float(quantity[step])
@@ -152,12 +152,12 @@ def _step(series: Series, along: Array, state: Level, case: Case) -> int | None:
     return None if step is None else step + 1
 
 
-def _require_reached(along: Array, state: Level, starred: float, case: Case) -> None:
+def _require_reached(series: Series, along: Array, state: Level, starred: float, case: Case) -> None:
     """Refuse a state beyond the end of a sweep."""
     if not math.isfinite(float(at_state(along, along, starred)[0])):
-        assert state.value is not None
-        end, unit = float(along[-1]), unit_of(state.value)
-        last = f"{end:.4g}" if unit is None or not starred else f"{end * float(state.value) / starred:.4g} {unit}"
+        last, unit = f"{along[-1]:.4g}", unit_of(state.value)
+        if unit is not None:
+            last = f"{along[-1] / _starred(series, Level(state.kind, Quantity(1.0, unit)), case):.4g} {unit}"
         message = (
             f"{state.written} is not reached by {case.label}, whose sweep ends at {state.kind} {last}: "
             f"sweep further, as to: {{{state.kind}: {state.written}}}"

@@ -58,7 +58,7 @@ ROUNDS = 40  # solves of the contact in a step
 TRUST = 0.25  # largest error of the linear F over the change of P that is left
 OPENS = 1e-3  # share of the load on a contact that is about to be lost
 SOFTER = tuple(10.0**-digit for digit in range(1, 8))  # conductances of closed elements on the way to `LEAST`
-FAILED = 2  # conductances in a row without a state, from which a start is given up
+FAILED = 2  # conductances without convergence and no state between them, from which a start is given up
 _GMRES = {"rtol": 1e-3, "restart": 60, "maxiter": 2}
 
 

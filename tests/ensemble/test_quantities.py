@@ -68,6 +68,16 @@ def test_the_last_step_is_the_end_of_its_sweep_even_if_its_solve_falls_short() -
         value_at(series, "mean_pressure", Level("separation", 0.29), case)
 
 
+def test_a_state_with_a_unit_that_is_not_reached_is_compared_in_this_unit() -> None:
+    text = "surface: {D: 2.2, m: 4, L: 1 mm, Sq: 2 um, seeds: 1}\nsweep: {steps: 4, to: {separation: 0.5}}"
+    (case,) = loads(text).cases()
+    level = Level("separation", Quantity(0.0, "um"))
+    with pytest.raises(
+        StudyError, match=r"0 um is not reached by .*, whose sweep ends at separation 1 um: sweep further"
+    ):
+        value_at(_series(case), "mean_pressure", level, case)
+
+
 def test_a_void_still_open_has_no_closing_pressure() -> None:
     case = _case("mean-plane")
     with pytest.raises(StudyError, match=r"ensemble.accuracy.percolation_pressure: the void of .* is still open"):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import operator
+import os
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
@@ -114,8 +115,8 @@ def single(ds: Dataset, *variables: str) -> tuple[Dataset, str]:
 
 
 def file_text(name: str) -> str:
-    """Return the name of a height file as text: no formula, nor (leading underscore) left out of a legend."""
-    return name.replace("$", r"\$").lstrip("_")
+    """Return the name of a file as text: no formula, nor (leading underscore) left out of a legend, nor bytes."""
+    return os.fsencode(name).decode("utf-8", "replace").replace("$", r"\$").lstrip("_")
 
 
 def own(field: DataArray) -> DataArray:
