@@ -17,7 +17,7 @@ import roughvol
 from roughvol.analysis.tables import number
 from roughvol.campaign import card as card_runs
 from roughvol.campaign.case_surface import surface_of
-from roughvol.report import card_text
+from roughvol.report import card_page, card_text
 from roughvol.report.figures import leak_card
 from roughvol.store import dataset
 from roughvol.study import Level, loads
@@ -277,6 +277,21 @@ def test_a_list_of_materials_has_a_card_each_and_a_table() -> None:
     assert len(list(folder.glob("cards_*.html"))) == 1
 
 
+def test_the_table_of_cards_of_a_gas_alone_has_the_leak_of_the_gas() -> None:
+    Path("gas.yaml").write_text(
+        "surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: [1]}\nmaterial: {E: [6 MPa, 12 MPa], nu: 0.5}\n"
+        "sweep: {pressures: [0.01 MPa, 0.03 MPa]}\nfluid: {gas: helium, inlet: 100 mbar, outlet: 0 mbar}\n"
+        "record: {transport: {gas_flow: every-step}, dimensional: {gas_leak_rate: sccm, pressure: MPa}}",
+        encoding="utf-8",
+    )
+    found = roughvol.card("gas.yaml", {"pressure": "0.03 MPa"}, jobs=1)
+    table = card_page.table_of(found.pages)
+    leaks = [row[table.head.index("leak of the gas x [sccm]")] for row in table.rows]
+    known = [beside.leaks[0].value for card in found.cards.values() for beside in card.beside]
+    assert leaks == [card_text.short(leak) for leak in known]
+    assert "leak x T* V*³ of a liquid" in table.head
+
+
 def test_a_variation_of_a_study_has_a_card_of_its_own() -> None:
     _printed(_study(SEAL), *AT, "--set", "material.E_star=20 MPa")
     stem = "card_pressure=0.02_MPa_material.E_star=20_MPa"
@@ -345,7 +360,6 @@ def test_a_card_of_a_changed_study_leaves_the_first_and_its_runs_until_fresh_is_
 def test_the_print_keeps_its_text_on_the_page() -> None:
     """Every text of the page of print lies inside the margins, measured as it is drawn."""
     from roughvol.questions import card
-    from roughvol.report import card_page
     from roughvol.report.card_text import Identity
     from roughvol.report.figures import card_print
     from roughvol.study import load

@@ -103,20 +103,22 @@ def brief(page: Page) -> Section:
 
 def table_of(pages: Sequence[Page]) -> Table:
     """Return several cards beside each other."""
-    ways = pages[0].card.ways
-    unit = card_text.in_brackets(ways[0].unit) or " T* V*³"
+    ways, gases = pages[0].card.ways, card_text.gases(pages[0].card)
+    unit = card_text.in_brackets(ways[0].unit) or f" T* V*³{f' {card_text.OF_LIQUID}' * bool(gases)}"
     rows = []
     for page in pages:
         card = page.card
         row = [card.title, str(len(card.surfaces)), card_text.load_of(card)]
         for way in card.ways:
             row += [card_text.short(way.leak.value), card_text.factor(way.factor, way.smaller), way.closing.short]
+        row += [card_text.short(leak.value) for gas in card_text.gases(card) for leak in gas.leaks]
         if (seal := card.seal) is not None:
             known = math.isfinite(seal.closing)
             tight = f"{number(seal.closing)} {seal.load_unit}".strip() if known else card_text.short(seal.closing)
             row += [card_text.short(seal.leak), card_text.factor(seal.factor, seal.smaller), tight]
         rows.append(tuple(row))
     heads = [head for way in ways for head in (f"leak {way.axis}{unit}", "error", f"{way.axis} closes")]
+    heads += [f"leak of the gas {way.axis}{card_text.in_brackets(gas.unit)}" for gas in gases for way in ways]
     heads += [f"leak of the seal{unit}", "error", "seal closes"] if pages[0].card.seal is not None else []
     note = "The leak of several surfaces is their median."
     if any(way.leak.value == 0.0 for page in pages for way in page.card.ways):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from xarray import Dataset
 
 from roughvol.analysis.at import legs_of
-from roughvol.analysis.leak_card import Card, SealLeak, Way
+from roughvol.analysis.leak_card import Beside, Card, SealLeak, Way
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number, rounded
 from roughvol.campaign import validity
@@ -33,7 +33,7 @@ SAME = 1e-3  # relative difference of loads that are shown as the same
 NOT_OF_A_CARD = ("File", "States", "Comment", "Seal")  # facts of a run that a card leaves out, or has elsewhere
 FLUID = ("Leak rate", "Fluid pressure", "Gas")  # facts of the flow, which a terminal shows too
 OF_EACH = ("Nodes", "Size", "Treatment", "Missing heights")  # facts of several files that stand beside each other
-NAMED = 4  # files of a fact that are named
+NAMED = 60  # most letters of the files of a fact that are named
 
 
 @dataclass(frozen=True)
@@ -94,16 +94,23 @@ def answer(card: Card, way: Way) -> str:
     return "; ".join(filter(None, [_leaks(card, way), _counts(way), _unknown(way), closing and f"{dry}{closing}"]))
 
 
+def gases(card: Card) -> list[Beside]:
+    """Return the leaks of the gas of a card."""
+    return [beside for beside in card.beside if beside.gas]
+
+
 def _leaks(card: Card, way: Way) -> str:
     """Return the leak with its interval; of a study of a gas alone the leak of the gas first."""
+    gas = next((beside for beside in gases(card) if beside.unit and not way.unit), None)
+    of_liquid = f"{OF_LIQUID} " if gas is not None else ""
     if way.leak.value > 0.0:
         middle, liquid = "median " if way.leak.surfaces > 1 else "", amount(way.leak.value, way.unit, way.interval)
-        gas = next((beside for beside in card.beside if beside.gas and beside.unit and not way.unit), None)
         if gas is not None and math.isfinite(throughput := gas.leaks[AXES.index(way.axis)].value):
-            return f"{middle}{short(throughput)} {unit_text(gas.unit)} of the gas; {OF_LIQUID} {liquid}"
+            return f"{middle}{short(throughput)} {unit_text(gas.unit)} of the gas; {of_liquid}{liquid}"
         return middle + liquid
     most = way.interval[1]
-    return "closed on this grid" + (f", at most {amount(most, way.unit)}" if math.isfinite(most) and most > 0.0 else "")
+    bounded = math.isfinite(most) and most > 0.0
+    return "closed on this grid" + (f", at most {of_liquid}{amount(most, way.unit)}" if bounded else "")
 
 
 def _counts(way: Way) -> str:
@@ -347,7 +354,7 @@ def _of_files(values: Mapping[str, Sequence[str]]) -> str:
 
 def _some(names: Sequence[str]) -> str:
     """Return the names of files, or the number of many."""
-    return ", ".join(names) if len(names) <= NAMED else f"{len(names)} files"
+    return listed if len(listed := ", ".join(names)) <= NAMED else f"{len(names)} files"
 
 
 def _material(run: Run) -> Iterator[tuple[str, str]]:
