@@ -208,29 +208,6 @@ def test_a_plane_is_called_flat_and_has_no_card() -> None:
     )
 
 
-def test_the_order_of_seeds_changes_no_coarser_grid() -> None:
-    given = [
-        {run.study.surface.Sq for run in card_runs.plan(loads(SEAL.replace(GENERATED, surface)), Level("last")).coarser}
-        for surface in (
-            f"{{D: 2.6, m: 6, L: 100 um, Sq: 1 um, seeds: {seeds}}}" for seeds in ("[0, 1, 2]", "[2, 0, 1]")
-        )
-    ]
-    assert [pytest.approx(one) for one in sorted(given[0])] == sorted(given[1])
-
-
-def test_coarser_grids_of_a_scaled_midpoint_surface_have_its_heights() -> None:
-    planned = card_runs.plan(
-        loads(SEAL.replace(GENERATED, "{D: 2.9, m: 7, L: 100 um, Sq: 500 nm, seeds: [1]}")), Level("last")
-    )
-    heights = []
-    for run in (planned.fine, *planned.coarser):
-        (case,) = run.study.cases()
-        heights.append(surface_of(case).heights * case.height / surface_of(case).Sq)
-    for k, coarse in enumerate(heights):
-        assert coarse == pytest.approx(heights[0][:: 2**k, :: 2**k], rel=1e-12)
-    assert len(heights) == 3
-
-
 @pytest.mark.parametrize(("separation", "grids"), [(7.7, 0), (2.7, 2)])
 def test_a_card_says_which_of_its_other_runs_failed(separation: float, grids: int) -> None:
     z = np.random.default_rng(0).standard_normal((64, 64))

@@ -13,8 +13,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from roughvol.campaign import execution
 from roughvol.campaign.batch import OnEvent
 from roughvol.campaign.case_surface import surface_of
@@ -84,10 +82,11 @@ def plan(study: Study, at: Level, together: Sequence[Level] = ()) -> Plan:
         raise StudyError(_of_level(error, at)) from error
     coarser: list[Planned] = []
     for factor, words in COARSER.items():
+        keys = _coarser(study, factor)
+        if keys is None:
+            continue
         try:
-            keys = _coarser(study, factor)
-            if keys is not None:
-                coarser.append(_at_equal_pressure(study, levels, keys, words))
+            coarser.append(_at_equal_pressure(study, levels, keys, words))
         except StudyError:  # a grid too coarse for the waves of the surface; the card says what is not known
             break
     levelled = None
@@ -165,13 +164,7 @@ def _coarser(study: Study, factor: int) -> dict[str, Any] | None:
     m = surface.m[0] - factor // 2
     if 2 ** (surface.m[0] - 1) + 1 < FEWEST_NODES:
         return None
-    if isinstance(surface, SpectralSurface):
-        return _held(surface, 2**m)
-    if surface.height is None:
-        return {"m": m}
-    grids = (study, study.changed(**{"surface.m": m}))
-    own, coarse = (np.array([surface_of(case).Sq for case in grid.cases()]) for grid in grids)
-    return {"m": m, "Sq": surface.height * float(np.mean(coarse / own))}  # one scale of all seeds: that in the mean
+    return _held(surface, 2**m) if isinstance(surface, SpectralSurface) else {"m": m}
 
 
 def _held(surface: SpectralSurface, n: int) -> dict[str, Any] | None:
