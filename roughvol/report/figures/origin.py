@@ -13,8 +13,10 @@ from roughvol.analysis.tables import range_text
 from roughvol.report.figures.families import file_text, held
 from roughvol.report.figures.style import unit_of
 from roughvol.store.record_key import record_key
+from roughvol.study import Region
 
 SHOWN = 3  # files that are named
+WHOLE = Region().label
 
 
 def run_name(ds: Dataset) -> str:
@@ -24,10 +26,11 @@ def run_name(ds: Dataset) -> str:
 
 
 def surfaces(ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
-    """Return in words which surfaces are drawn: files, or D, m, L, the region, and how many of each."""
+    """Return in words which surfaces are drawn: files, or D, m, L, a region that is a part, and how many of each."""
     unit = unit_of(ds, "L")
     side = f"L = {float(ds['L']):g}" + (f" {unit}" if unit != "length" else "")
-    side += f", region {ds.attrs['region']}" if "region" in ds.attrs else ""
+    region = ds.attrs.get("region", WHOLE)
+    side += f", region {region}" if region != WHOLE else ""
     if "case" in ds.dims:
         names = [file_text(str(name)) for name in ds["case"].values.tolist()]
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""

@@ -61,10 +61,10 @@ def merged(edges: Array, density: Array, elements: float, *, log: bool = False) 
     """Return (v, f) of each surface on bins merged until each holds enough elements.
 
     Equal bins up to v_max fit neither few elements nor a logarithmic axis. With fewer elements than bins most hold 0, 1
-    or 2 of them and the density is a comb; on a logarithmic axis 40 of 50 bins crowd into the last decade and the
-    first ones are blocks. Neighbours are therefore joined from below: until all surfaces together have `ENOUGH`
-    elements in the bin (or n^(2/3)/2 of n, the rule of Rice, where n is small), so that none is empty and the noise is
-    about the same in all; and, with `log`, until the bin is as wide as 1/12 of a decade. What is left at the upper end
+    or 2 of them, and the density is a comb. On a logarithmic axis 40 of 50 bins crowd into the last decade, and the
+    first ones are blocks. Neighbours are therefore joined from below, until all surfaces together have `ENOUGH`
+    elements in the bin. Of few elements, n, the rule of Rice is enough: n^(2/3)/2. No bin is empty then, and the noise
+    is about the same in all. With `log`, a bin is at least as wide as 1/12 of a decade. What is left at the upper end
     joins the last bin. Joining keeps ∫ f dv. A point is drawn at the middle of its bin.
     """
     shares = density * np.diff(edges)
