@@ -5,8 +5,10 @@ pressures with the same ends dissipate more (Dirichlet). Their excess is the squ
 energy, and it is the error of the flow. Conjugate gradients, preconditioned by multigrid, lower the dissipation step by
 step. For a matrix A, its preconditioner M and the inflow r that is left, the excess is r A⁻¹ r ≤ r M r/λ with the
 smallest eigenvalue λ of M A. The steps know λ as the smallest Ritz value (Strakoš & Tichý, Electronic Transactions on
-Numerical Analysis 13 (2002) 56-80; Meurant & Tichý, Acta Numerica 33 (2024) 487-696). A Ritz value may still be too
-large, so the excess is an estimate; flow.md compares it with exact flows.
+Numerical Analysis 13 (2002) 56-80; Meurant & Tichý, Acta Numerica 33 (2024) 487-696). The next step leaves at most
+((Λ - λ)/(Λ + λ))² of the excess, as a step of steepest descent does, with the largest eigenvalue Λ of M A (Quarteroni,
+Sacco & Saleri, Numerical Mathematics, Springer 2000, eq. 4.38). A Ritz value may still be too large, so the excess is
+an estimate; flow.md compares it with exact flows.
 """
 
 from collections.abc import Callable
@@ -28,7 +30,9 @@ REFINED = 1e-7  # accuracy from which on residuals are taken from the flows, and
 LOST = 1e5  # fall of a dissipation, after which residuals have lost digits that count
 ROUNDING = 1e-12  # least excess over the dissipation at the start of a solve; the next solve takes it off
 SOLVES = 3  # the first solves, the second gives u the digits that P has not, the third takes rounding off
-CAUTION = 3.0  # the smallest Ritz value is above the eigenvalue; with 2 an error of 2000 was 1.007 of the stated one
+CAUTION = 3.0  # the smallest Ritz value is above the eigenvalue; flow.md has the errors with 1 and 3
+SMALLEST = 0.4  # eigenvalue of M A on wide gaps, until a step meets a smaller one
+LARGEST = 2.0  # eigenvalue of M A where cycles alone converge
 TINY = np.finfo(np.float64).tiny
 DIGITS = 1e-12  # of the energy of pressures that are wanted for themselves, six of the pressures
 
@@ -40,7 +44,7 @@ class Network:
         self._conductances = conductances
         self._inverse = Multigrid(conductances)
         self.exact = self._inverse.exact
-        self._smallest = 1.0  # eigenvalue of M A that the steps have met
+        self._smallest = SMALLEST  # eigenvalue of M A that the steps have met
 
     def solve(self, inflow: Array) -> Array:
         """Return the pressures that drive an inflow of each element, to the `DIGITS` of their energy."""
@@ -72,18 +76,21 @@ class Network:
         while not (self.exact and factors_alone) and len(steps) < STEPS:
             towards = self._inverse(left)
             before, product = product, float(np.vdot(left, towards))
-            if steps:
-                self._smallest = min(self._smallest, smallest(steps, turns))
-            to_come = CAUTION * abs(product) / self._smallest
-            if (steps or product <= 0.0) and to_come <= allowed(fallen):
-                return pressure, to_come, fallen
-            if product <= 0.0:  # the inverse has 32 bits, and is not positive here
+            if product <= 0.0:  # nothing is left, or the inverse has 32 bits and is not positive here
+                to_come = CAUTION * -product / self._smallest
+                if to_come <= allowed(fallen):
+                    return pressure, to_come, fallen
                 break
             turns.append(product / before)
             multigrid.turned(direction, towards, turns[-1], *self._conductances, outflow)
             steps.append(product / float(np.vdot(direction, outflow)))
             multigrid.stepped(pressure, left, direction, outflow, steps[-1])
             fallen += steps[-1] * product
+            self._smallest = min(self._smallest, smallest(steps, turns))
+            kept = ((LARGEST - self._smallest) / (LARGEST + self._smallest)) ** 2
+            to_come = kept * CAUTION * product / self._smallest
+            if to_come <= allowed(fallen):
+                return pressure, to_come, fallen
         if not self.exact and inflow.size > FACTORISED:
             message = f"the flow through {inflow.size} elements did not converge in {len(steps)} steps"
             raise ConvergenceError(message, indentation=np.nan, iterations=len(steps), residual=to_come)
@@ -200,9 +207,14 @@ def flow_around(conductances: Conductances, accuracy: float = ACCURACY) -> float
     return dissipation
 
 
+@compiled
 def surplus(down: Array, east: Array) -> Array:
     """Return the flow into each element, from fluxes of the shapes of `Flow`."""
-    return down[:-1] - down[1:] + np.roll(east, 1, axis=1) - east
+    inflow = np.empty(east.shape)
+    for i in range(east.shape[0]):
+        for j in range(east.shape[1]):
+            inflow[i, j] = down[i, j] - down[i + 1, j] + east[i, j - 1] - east[i, j]
+    return inflow
 
 
 def differences(field: Array, inlet: float) -> Array:

@@ -8,6 +8,7 @@ python -m tests.bench.flow lifted 9        a contact under fluid pressure: flows
 python -m tests.bench.flow peer 512        one flow against reynoldsflow, errors against the flow to 1e-11
 python -m tests.bench.flow large 12 0.1    memory and time of one flow through the gap over a cut surface
 python -m tests.bench.flow card 10         the leak card of a mirrored map of D = 2.2, and its run on the finest grid
+python -m tests.bench.flow errors 500      true errors over stated ones, random gaps
 python -m tests.bench.flow fewer 7         leaks read between fewer of 60 states of a sweep, D = 2.2, 2.5, 2.8
 """
 
@@ -36,6 +37,7 @@ from roughvol.gap.gas import LAWS, GasFlow, conduction_of_gas
 from roughvol.gap.transport import Conduction, conduction
 from roughvol.observables.coupling import Coupling
 from roughvol.surfaces import random_midpoint_displacement
+from tests.gap.kit import any_gap
 
 STATES, DEEPEST, ACCURACIES = 16, 1.9, (1e-2, 1e-3, 1e-4, 1e-6)
 
@@ -229,6 +231,30 @@ def fewer(m: int) -> None:
             )
 
 
+def errors(number: int) -> None:
+    """Print true errors of flows over the stated ones; the gaps are those of tests/gap/test_network.py."""
+    kept, ratios, cycles, cycle = multigrid.DIRECT, list[float](), 0, multigrid.Multigrid.__call__
+
+    def counted(self: multigrid.Multigrid, inflow: np.ndarray) -> np.ndarray:
+        nonlocal cycles
+        cycles += 1
+        return cycle(self, inflow)
+
+    multigrid.Multigrid.__call__ = counted
+    for seed, (most, direct) in itertools.product(range(number), ((200, 200), (70, kept))):
+        gap, axis, periodic = any_gap(seed)
+        gap = np.ascontiguousarray(gap[:most, :most])
+        multigrid.DIRECT = gap.size
+        exact = conduction(gap, axis, periodic=periodic).coefficient
+        multigrid.DIRECT = direct
+        for accuracy in ACCURACIES:
+            flow = conduction(gap, axis, periodic=periodic, accuracy=accuracy)
+            if flow.error > 0.0:
+                ratios.append((flow.coefficient / exact - 1.0 - 1e-9) / flow.error)
+    multigrid.DIRECT = kept
+    print(f"{len(ratios)} flows, {cycles} cycles: largest {max(ratios):.2f}, median {np.median(ratios):.3f}")
+
+
 if __name__ == "__main__":
     what, *numbers = sys.argv[1:]
     with threadpool_limits(1):
@@ -243,6 +269,7 @@ if __name__ == "__main__":
                 "lifted": lifted,
                 "peer": peer,
                 "card": card,
+                "errors": errors,
                 "fewer": fewer,
             }
             of[what](int(numbers[0]))
