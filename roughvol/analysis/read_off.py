@@ -16,6 +16,7 @@ the leak may be f times larger, the answer is up to where the stored leak is 1/f
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -34,7 +35,8 @@ from roughvol.analysis.units import scales, sigma
 from roughvol.errors import StudyError
 from roughvol.observables.variables import LISTED
 from roughvol.store.variants import study_in
-from roughvol.study import AXES, Axis, Level, Quantity, convert, loads, read, refused
+from roughvol.study import Axis, Level, Quantity, convert, loads, read, refused
+from roughvol.study.axes import choices
 from roughvol.study.plain_data import finite
 from roughvol.study.values.state_kinds import REACHED
 from roughvol.study.values.units import unit_of
@@ -212,19 +214,24 @@ def checked(run: Dataset, *, leaks: bool = True) -> Dataset:
         raise refused("the run has no leak rates: record dimensional.leak_rate")
     several = [dim for dim in ONE_OF_EACH if run.sizes.get(dim, 1) > 1]
     if several:
-        name, study = several[0], study_in(run)
-        axis = next((listed for listed in (study.axes if study else ()) if listed.name == name), Axis(name, ()))
-        held = ", ".join(axis.words(value).removeprefix(f"{name} = ") for value in run[name].values.tolist())
-        keys = [f"--set {'.'.join(AXES[name])}=…" for name in several if name in AXES]
-        chosen = f"; one combination opens by {' '.join(keys)}, each as the study writes it" if keys else ""
-        raise refused(
-            f"the run has several {name} ({held}); allowed: surfaces of one kind at one value of each key{chosen}"
-        )
+        raise refused(_several(run, several))
     if (nominal := nominal_pressure(run, study_in(run))) is not None:
         run = run.assign(nominal_pressure=nominal)
     elif leaks:
         raise refused("the run needs pressures with units: give material a unit, as E: 10 MPa")
     return run
+
+
+def _several(run: Dataset, names: Sequence[str]) -> str:
+    """Return why a run with several labels of some dimensions is refused, and how a user chooses those of lists."""
+    name, study = names[0], study_in(run)
+    axis = next((listed for listed in (study.axes if study else ()) if listed.name == name), Axis(name, ()))
+    held = ", ".join(axis.words(value).removeprefix(f"{name} = ") for value in run[name].values.tolist())
+    message = f"the run has several {name} ({held}); allowed: surfaces of one kind at one value of each key"
+    known = choices(study) if study else {}
+    changes = [[shlex.quote(known[one][label]) for label in run[one].values.tolist()] for one in names if one in known]
+    options = "; ".join(f"--set {' or '.join(of_one)}" for of_one in changes)
+    return f"{message}; one combination opens by a change of each key: {options}" if options else message
 
 
 def is_throughput(text: str) -> bool:

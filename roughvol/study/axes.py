@@ -16,12 +16,12 @@ from pydantic import ValidationError
 from pydantic_core import InitErrorDetails
 
 from roughvol.study.file import StudyFile
-from roughvol.study.plain_data import KeyPath, number_text, show
+from roughvol.study.plain_data import KeyPath, given, inline, number_text, show
 from roughvol.study.sections.record import INTERIOR
 from roughvol.study.sections.strict import models_in, refuse_at
 from roughvol.study.sections.sweep import Leg
 from roughvol.study.validation import details_of
-from roughvol.study.values.units import Quantity, convert
+from roughvol.study.values.units import Quantity, convert, same
 
 S = TypeVar("S")  # `study.Study`
 T = TypeVar("T")
@@ -75,15 +75,17 @@ class Variant(Generic[S]):
 def lists(data: Any) -> dict[str, list[Any]]:
     """Return the items of each axis that plain data has as a list."""
     found = {}
-    for name, path in AXES.items():
-        here = data
-        for part in path:
-            here = here.get(part) if isinstance(here, dict) else None
-        if name == "to":
-            here = _ends(here)
-        if isinstance(here, list | tuple):
+    for name in AXES:
+        if isinstance(here := _value(name, data), list | tuple):
             found[name] = list(here)
     return found
+
+
+def _value(name: str, data: Any) -> Any:
+    """Return the value or the list that plain data has on an axis; None without one."""
+    for part in AXES[name]:
+        data = data.get(part) if isinstance(data, dict) else None
+    return _ends(data) if name == "to" else data
 
 
 def _ends(to: Any) -> Any:
@@ -243,6 +245,28 @@ def write_lists(data: dict[str, Any], of: Sequence[Axis], sections: Sequence[Map
             data[section][key[0]] = [item.get(key[0]) for item in items]
         else:
             data[section] = items
+
+
+def choices(study: Any) -> dict[str, dict[Label, str]]:
+    """Return the change of a study that chooses each label of its lists, as ``material.E=5 MPa``, by axis."""
+    items, found = lists(study.model_dump(mode="json")), {}
+    for axis in study.axes:
+        texts = (NONE if item is None else inline(given(item)) for item in items[axis.name])
+        key = ".".join(AXES[axis.name])
+        found[axis.name] = {label: f"{key}={text}" for label, text in zip(axis.labels, texts, strict=True)}
+    return found
+
+
+def spelled_as(data: Any, other: Any) -> dict[str, Any]:
+    """Return the keys of plain data whose values are in lists of other data in another unit, with the values there."""
+    found: dict[str, Any] = {}
+    for name, known in lists(other).items():
+        here = _value(name, data)
+        items = here if isinstance(here, list | tuple) else [here]
+        spelled = [next((one for one in known if same(one, item)), item) for item in items]
+        if spelled != list(items):
+            found[".".join(AXES[name])] = spelled if items is here else spelled[0]
+    return found
 
 
 def variants_of(study: S, of: Sequence[Axis], sections: Sequence[Mapping[str, Any]]) -> tuple[Variant[S], ...]:

@@ -112,6 +112,12 @@ def write(data: dict[str, Any]) -> str:
     return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
 
 
+def inline(value: Any) -> str:
+    """Return a value of plain data as YAML in one line, as ``{pressure: 0.1 MPa}``."""
+    form: dict[str, Any] = {"sort_keys": False, "allow_unicode": True, "default_flow_style": True, "width": math.inf}
+    return str(yaml.dump([value], Dumper=_Dumper, **form)).strip()[1:-1]
+
+
 def number_text(value: float) -> str:
     """Return the shortest exact text of a number: ``0.1``, ``60``, ``1e-09``."""
     if isinstance(value, int):

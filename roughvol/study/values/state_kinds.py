@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from roughvol.errors import DatasetError
 from roughvol.study.plain_data import number_text
 from roughvol.study.python_data import text_of_value
-from roughvol.study.values.units import KINDS, Quantity, Written, convert, in_unit, read, unit_of
+from roughvol.study.values.units import KINDS, ROUNDING, Quantity, Written, convert, in_unit, read, unit_of
 
 if TYPE_CHECKING:
     from roughvol.typing import Load, Loads
@@ -76,7 +76,6 @@ STARRED = {kind.name: kind for kind in STATE_KINDS.values() if kind.stored and k
 """Kinds that are themselves starred quantities."""
 OF_ALL = "a load is the nominal pressure times N^2 δ^2, on a free patch of N = 33 nodes a side 6 % more than L^2"
 """The area that a load acts on, in words."""
-ROUNDING = 1e-12  # relative, of two numbers in different units
 REACHED = 1e-5  # relative; of d/σ, which passes 0, a share of σ at least
 SYMBOLS = {kind.symbol[0]: kind.name for kind in STARRED.values()}
 """Kinds by their symbols."""

@@ -62,6 +62,7 @@ _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?![eE][-+]
 _POWER = r"(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³⁴-⁹])?"
 _UNIT = re.compile(rf"°?[^\W\d_]{{1,30}}{_POWER}(?:(?: ?[*·/] ?| )[^\W\d_]{{1,30}}{_POWER}){{0,5}}")
 _STANDARD = re.compile(r"(?:sccm|sccs|standard_liter_per_minute)\b")  # pint's full names, behind a prefix
+ROUNDING = 1e-12  # relative, of two numbers in different units
 _NOT_KNOWN = (AttributeError, ValueError, TypeError, AssertionError)  # bases of pint's errors beside PintError
 
 
@@ -166,6 +167,24 @@ def in_unit(value: float, wanted: str | None) -> float:
     """Return a number of a study in a unit; a plain number is in that unit already."""
     given = unit_of(value)
     return value if given is None or wanted is None else convert(float(value), given, wanted)
+
+
+def same(one: Any, other: Any) -> bool:
+    """Return whether two values of plain data are equal, numbers with a unit in one unit."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(same, one, other))
+    if one == other or not (isinstance(one, str) and isinstance(other, str)):
+        return bool(one == other)
+    first, second = _NUMBER.fullmatch(one), _NUMBER.fullmatch(other)
+    if first is None or second is None:
+        return False
+    try:
+        converted = convert(float(second[1]), second[2], first[2])
+    except _NOT_KNOWN:  # units of two kinds
+        return False
+    return math.isclose(float(first[1]), converted, rel_tol=ROUNDING)
 
 
 def counts_substance(unit: str) -> bool:
