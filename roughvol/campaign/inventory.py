@@ -61,7 +61,8 @@ def sorted_out(
     except OSError as error:
         raise stamped_file.cannot_write(folder, error) from error
     if strange and not another:
-        notices.append(f"{folder / 'cases'} keeps files of cases that are not of this study: {len(strange)}")
+        others = f"{folder / 'cases'} keeps files of other cases: {len(strange)}"
+        notices.append(f"{folder / 'study.nc'} gets the cases of this study alone; {others}")
     if missing:
         versions[__version__] += len(missing)
     if several := run_folder.versions_text(versions):
