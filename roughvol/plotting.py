@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -107,10 +106,12 @@ def drawings(runs: Sequence[Named], wanted: Sequence[str], *, alone: bool) -> tu
 
 
 def _add(found: Draws, figure: Figure, name: str, run: Named, runs: Sequence[Named]) -> str | None:
-    """Add a figure of a run, in a folder of its combination as ``E_5_MPa/``, or return why the figure is missing."""
+    """Add a figure of a run, in a folder of its combination as ``E=5_MPa/``, or return why the figure is missing."""
+    from roughvol.store.run_folder import slug
+
     reason = figure.missing(run.dataset)
     if reason is None:
-        folder = re.sub(r"[^A-Za-z0-9.+-]+", "_", run.name).strip("_") + "/" if len(runs) > 1 else ""
+        folder = f"{slug(run.name)}/" if len(runs) > 1 else ""
         found[f"{folder}{name}"] = partial(figure, run.dataset)
     return reason
 

@@ -53,8 +53,6 @@ if TYPE_CHECKING:
     from roughvol.surfaces.surface import Surface
     from roughvol.typing import Changes, Load, Loads, Number
 
-HEIGHTS = ("surface.file", "surface.against", "surface=")  # changes that give other height files
-
 
 def opened(run: Dataset | StoredRun | str | Path | None, changes: Changes = ()) -> StoredRun:
     """Return the run of a name, a path or a dataset in memory; None is the latest run."""
@@ -97,7 +95,7 @@ def study_of(
     texts = changes_of(changes)
     if isinstance(study, str | Path):
         found, folder = run.study_of(study, texts)
-        if of_run and not any(text.startswith(HEIGHTS) for text in texts):
+        if of_run and not any(text.startswith(run.HEIGHTS) for text in texts):
             run.check_heights(found, study)
         return found, folder
     if isinstance(study, Mapping):
@@ -128,12 +126,12 @@ class ReadOff:
     answers: tuple[Answer, ...]  # along x and y
     narrower: tuple[str, ...]  # changes of the study that solve states around the answers
 
-    def command(self, run: str = "", changes: Sequence[str] = ()) -> str:
+    def command(self) -> str:
         """Return the command that narrows the interval, empty without one, and of a dataset saved by itself."""
-        if self.run.file.exists() and not self.run.has_study:
+        if not self.narrower or (self.run.file.exists() and not self.run.has_study):
             return ""
-        every = [word for change in (*changes, *self.narrower) for word in ("--set", change)]
-        return shlex.join(["roughvol", "run", run or self.run.name, *every]) if self.narrower else ""
+        changes = shlex.join(word for change in self.narrower for word in ("--set", change))
+        return f"roughvol run {self.run.call} {changes}"
 
     def plain(self) -> dict[str, Any]:
         """Return the read-offs as ``ask --json`` prints them."""
@@ -204,7 +202,7 @@ def ask(
     True
     """
     from roughvol.analysis import read_off
-    from roughvol.store.variants import of_one_combination, study_in
+    from roughvol.store.variants import of_one_combination, parts_of, study_in
     from roughvol.study import level, refused, text_of_value
 
     found = opened(run, changes)
@@ -227,8 +225,8 @@ def ask(
 
     answers = answered(None)
     whole = study_in(found.dataset)
-    # a study of several combinations would not answer for one
-    single = whole is None or len(whole.variants) == 1
+    # a study of several combinations would not answer for one, which the changes of a run may choose
+    single = whole is None or len(whole.variants) == 1 or (found.has_study and len(parts_of(found.dataset)) == 1)
     narrower = read_off.narrower(results, answers, closed=leak_rate is None) if single else []
     if budget and kelvin is not None:
         raise refused(f"the leak rate is {wanted!r}: the budget of the error is that of a liquid")
@@ -254,14 +252,12 @@ def _errors(run: StoredRun, answers: Sequence[Answer], jobs: int | None, *, clos
 def _card_at(run: StoredRun, load: str, jobs: int | None) -> Card:
     """Return the leak card of a run at a load of leg 1."""
     from roughvol.analysis import read_off
-    from roughvol.campaign.card import slug
-    from roughvol.store.variants import parts_of
     from roughvol.study import refused
 
     if not run.has_study:
         raise refused("the budget of the error takes runs of the study; allowed: a study file, or the name of a run")
     leg = ", leg 1" if read_off.path_words(run.dataset) else ""
-    folder = run.folder.with_name(f"{run.name}_card") / slug(parts_of(run.dataset)[0].words)
+    folder = run.folder.with_name(f"{run.name}_card") / run.pages.relative_to(run.folder)
     cards = card(run.study, f"{load}{leg}", out=folder, jobs=jobs)
     return cards.cards[""]
 
@@ -413,9 +409,9 @@ class Cards:
     def pages(self) -> list[Page]:
         """A page of each load and combination; of several height files, one together, and one of each at the load."""
         from roughvol.analysis.leak_budget import card_of, is_reached
-        from roughvol.campaign.card import slug
         from roughvol.report.card_page import Page
         from roughvol.report.card_text import Identity
+        from roughvol.store.run_folder import slug
 
         pages, changed = [], [word for change in self.changes for word in ("--set", change)]
         for ((load, words), runs), whole in zip(self.runs.items(), self.cards.values(), strict=True):
@@ -431,8 +427,8 @@ class Cards:
 
     def write(self) -> list[Path]:
         """Write the pages as HTML and PDF beside the runs, several with a table; return the paths of the HTML."""
-        from roughvol.campaign.card import slug
         from roughvol.report import card_page
+        from roughvol.store.run_folder import slug
 
         paths = [card_page.write(page, self.folder) for page in self.pages]
         if len(paths) > 1:
@@ -498,6 +494,7 @@ def card(
     from roughvol.campaign import card as computed
     from roughvol.campaign import interpretation
     from roughvol.store import folder_of
+    from roughvol.store.run_folder import slug
     from roughvol.study import changes_of, levels
 
     done: list[int] = []  # numbers of cases computed now
@@ -509,14 +506,13 @@ def card(
     for level, variant in itertools.product(loads, asked.variants):
         surfaces = computed.surfaces_of(variant.study)
         accept = check_reached if len(surfaces) == 1 else lambda fine: None
-        inside = folder.joinpath("runs", *map(computed.slug, (*cards.varied, variant.words)))
+        inside = folder.joinpath("runs", *map(slug, (*cards.varied, variant.words)))
         together = computed.loads_together(level, loads)
         options: dict[str, Any] = {"jobs": jobs, "accept": accept, "together": together}
         options["fresh"] = fresh and level == together[0]  # the runs of the others are the same
         options["on_event"] = lambda now: done.append(now.done)
         found[level.label, variant.words] = {
-            name: computed.compute(one, level, inside / computed.slug(name), **options)
-            for name, one in surfaces.items()
+            name: computed.compute(one, level, inside / slug(name), **options) for name, one in surfaces.items()
         }
     return replace(cards, notice=interpretation.default_sides(asked) if any(done) else "")
 
@@ -633,7 +629,7 @@ class Reported:
         """Write report.html, report.md and claims.json into a folder; default: that of one run, or runs/report."""
         from roughvol.report import page
 
-        own = self.runs[0].folder if len(self.runs) == 1 else Path("runs/report")
+        own = self.runs[0].pages if len(self.runs) == 1 else Path("runs/report")
         return page.write(self.report, Path(folder or own))
 
 

@@ -7,7 +7,6 @@ compared at its value, at ``last`` at the ends of their sweeps.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from roughvol.campaign.batch import OnEvent
 from roughvol.campaign.case_surface import surface_of
 from roughvol.errors import CampaignError, Problem, StudyError
 from roughvol.store.card_runs import CardRuns, Pressed
+from roughvol.store.run_folder import slug
 from roughvol.study import HeightFile, Level, Quantity, Region, Seal, SpectralSurface, Study, refused
 from roughvol.surfaces.spectrum import moment
 
@@ -283,8 +283,3 @@ def compute(
     except CampaignError as error:
         no_levelled = f"not computed: {str(error).splitlines()[-1]}"
     return CardRuns(fine, tuple(coarser), levelled, no_coarser, no_levelled)
-
-
-def slug(text: str) -> str:
-    """Return a text as part of a file name: letters, digits and ``=+-.`` as they are, runs of all others as ``_``."""
-    return re.sub(r"[^A-Za-z0-9=+.-]+", "_", text.replace(" = ", "=")).strip("_")

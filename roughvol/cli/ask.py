@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal
 
 import click
@@ -72,9 +71,8 @@ def ask(
     from roughvol.analysis.read_off import is_throughput
 
     found = roughvol.ask(run, leak_rate=leak_rate, unknown=unknown, at=state, budget=budget, jobs=jobs, changes=changes)
-    narrower = found.command(run or "", changes)
     if as_json:
-        say_json(found.plain() | {"narrower": narrower or None})
+        say_json(found.plain())
         return
     wanted = "no open way" if closed else f"a leak up to {found.leak_rate}"
     say(f"{titled(found.run.name, found.run.dataset)}: {SOUGHT[unknown]} for {wanted}")
@@ -84,9 +82,9 @@ def ask(
             say(f"  {_of_budget(answer)}")
     errors = budget or not any(answer.found for answer in found.answers)  # without an answer no errors are missing
     offered = found.run.has_study and not is_throughput(found.leak_rate)
-    for line in beyond(found.run, (run or found.run.name, changes), has_errors=errors, offered=offered):
+    for line in beyond(found.run, has_errors=errors, offered=offered):
         say(line)
-    if narrower and not budget:
+    if (narrower := found.command()) and not budget:
         say(f"Solved states narrow the interval: {narrower}")
 
 
@@ -98,18 +96,16 @@ def titled(name: str, results: Dataset) -> str:
     return ", ".join(filter(None, (name, parts_of(results)[0].words, read_off.path_words(results))))
 
 
-def beyond(run: StoredRun, given: tuple[str, Sequence[str]], *, has_errors: bool, offered: bool) -> Iterator[str]:
+def beyond(run: StoredRun, *, has_errors: bool, offered: bool) -> Iterator[str]:
     """Yield how several height files count, and which errors of a leak a read-off does not have.
 
-    ``offered`` is whether a card has these errors, and ``given`` are the run and its changes as the user wrote them.
+    ``offered`` is whether a card has these errors.
     """
     from roughvol.analysis import read_off
 
     yield from filter(None, (read_off.files_words(run.dataset), read_off.seal_words(run.dataset)))
     if not has_errors:
-        name, changes = given
-        words = shlex.join(["roughvol", "card", name, *(word for change in changes for word in ("--set", change))])
-        card = f"; with them: --budget, or {words}" if offered else "."
+        card = f"; with them: --budget, or roughvol card {run.call}" if offered else "."
         yield f"Errors of the grid and of the window are not in these numbers{card}"
 
 

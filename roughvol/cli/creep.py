@@ -66,9 +66,9 @@ def creep(
     say(f"{titled(found.name, found.dataset)}: at {history.pressure:.4g} {history.pressure_unit}; {history.body}")
     say_table(over_time.table_of(history))
     offered = found.has_study and not is_throughput(f"1 {history.leak_unit}")
-    for line in beyond(found, (run or found.name, changes), has_errors=budget, offered=offered):
+    for line in beyond(found, has_errors=budget, offered=offered):
         say(line)
-    folder = out or found.folder
+    folder = out or found.pages
     over_time.write_csv(history, folder / "creep.csv")
     say(str(folder / "creep.csv"))
     if any((leak.value > 0.0).any() for leak in history.leak.values()):

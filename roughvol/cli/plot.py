@@ -75,7 +75,7 @@ def plot(
     runs = content.parts([(title, run.dataset) for title, run in zip(titles, opened, strict=True)])
     plotting.check_known(wanted, runs)
     drawings, refused = plotting.drawings(runs, wanted, alone=alone)
-    folder = out or (opened[0].folder / "figures" if alone else Path("runs/compared"))
+    folder = out or (opened[0].pages / "figures" if alone else Path("runs/compared"))
     drawn = 0
     for name, draw in drawings.items():
         target = folder / f"{name}.{suffix}"

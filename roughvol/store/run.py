@@ -27,22 +27,29 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
     from roughvol.study import Case
+    from roughvol.study.axes import Label
     from roughvol.study.values.own import OwnQuantity
     from roughvol.typing import Changes
 
 RUNS = Path("runs")
 RESULTS = "study.nc"
 STUDY_SUFFIXES = (".yaml", ".yml")
+HEIGHTS = ("surface.file", "surface.against", "surface=")  # changes that give other height files
 DATASETS = (".nc", ".nc4", ".cdf", ".h5")
 
 
 @dataclass(frozen=True, eq=False)
 class StoredRun:
-    """A run with results: its ``study.nc``, the loaded dataset, and the study of the study file that opened the run."""
+    """A run with results: its ``study.nc``, the loaded dataset, and what opened the run.
+
+    ``given`` is the study of a study file. ``asked`` is the run as the user named it, with ``changes`` of its study.
+    """
 
     file: Path
     dataset: Dataset
     given: Study | None = None
+    asked: str = ""
+    changes: tuple[str, ...] = ()
 
     @classmethod
     def open(cls, run: str | Path | None = None, changes: Sequence[str] = ()) -> StoredRun:
@@ -50,12 +57,19 @@ class StoredRun:
         from roughvol.store.variants import whole
 
         file, results, given = _opened(run, changes)
-        return cls(file, whole(results), given)
+        return cls(file, whole(results), given, "" if run is None else str(run), tuple(changes))
 
     @property
     def folder(self) -> Path:
         """Its folder."""
         return self.file.parent
+
+    @property
+    def pages(self) -> Path:
+        """The folder of its figures and pages: its folder, for a part of its lists one inside with their values."""
+        from roughvol.store.variants import part_words
+
+        return self.folder / run_folder.slug(part_words(self.dataset))
 
     @property
     def has_study(self) -> bool:
@@ -67,14 +81,19 @@ class StoredRun:
         """Its study with the height files, which must be those of the results."""
         if self.given is not None:
             return self.given
-        study = study_of(self.folder)[0]
-        _check(self.file, self.dataset, study, str(self.folder), str(self.folder))
+        study, is_part = _of_results(self.dataset, study_of(self.folder, self.changes)[0])
+        _check(self.file, self.dataset, study, str(self.folder), self.call, is_part=bool(is_part))
         return study
 
     @property
     def name(self) -> str:
         """Name of its folder; of a dataset not named ``study.nc``, that of the file without its suffix."""
         return _whole(self.file).name
+
+    @property
+    def call(self) -> str:
+        """The words of a command that opens it: the run as the user named it, and the changes of its study."""
+        return _call(self.asked or self.name, self.changes)
 
 
 def open(run: str | Path | None = None, *, changes: Changes = ()) -> Dataset:
@@ -119,18 +138,18 @@ def open(run: str | Path | None = None, *, changes: Changes = ()) -> Dataset:
 
 def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, Dataset, Study | None]:
     """Return the file of the results of a run, the results, and the study that the run was opened by."""
-    from roughvol.store import dataset, variants  # xarray: a second
+    from roughvol.store import dataset  # xarray: a second
 
     check_type(run, (str, Path, type(None)), "a run is a name or a path")
     given: Study | None = None
-    if run is None:
-        files = [_latest()]
-    elif is_study_file(run) or (changes and is_run(run)):
-        given, folder = study_of(run, changes)
+    run = _latest() if run is None else run
+    by_name = _folder_of_run(run) is not None
+    if is_study_file(run) or (changes and is_run(run)):
+        given, folder = study_of(run, changes, stored=not any(change.startswith(HEIGHTS) for change in changes))
         files = [folder / RESULTS]  # of another name, where it is changed
     else:
         files = [Path(run), *(folder / RESULTS for folder in _folders(run))]
-    call = shlex.join([str(run), *(word for change in changes for word in ("--set", change))])
+    call = _call(str(run), changes)
     file = next((file for file in files if _is_file(file)), None)
     if file is None:
         raise _no_results(str(run), files, "" if given is None else call)
@@ -141,11 +160,29 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
             raise
         words = f"{file}: a height map, no run: roughvol init {_word(file)} writes a study for it"
         raise DatasetError(words) from error
-    labels = {} if given is None else variants.labels_of(results, given)
+    labels: dict[str, list[Label]] = {}
+    if given is not None:
+        given, labels = _of_results(results, given)
     _check(file, results, given, str(run), call, is_part=bool(labels))
     if given is not None:
         _set_seal(results, given)
-    return file, results.sel(labels) if labels else results, given
+    return file, results.sel(labels) if labels else results, None if by_name else given
+
+
+def _of_results(results: Dataset, given: Study) -> tuple[Study, dict[str, list[Label]]]:
+    """Return a study with the values of its lists as results spell them, and the labels of the part that it has."""
+    from roughvol.store.variants import study_in
+
+    stored = study_in(results)
+    if stored is None or given.stored() == results.attrs["study"]:
+        return given, {}
+    given = same_study.spelled_as(given, stored)
+    return given, same_study.part(given, stored)
+
+
+def _call(run: str, changes: Sequence[str]) -> str:
+    """Return a run and the changes of its study as words of a shell."""
+    return shlex.join([run, *(word for change in changes for word in ("--set", change))])
 
 
 def _set_seal(results: Dataset, given: Study) -> None:
@@ -172,18 +209,18 @@ def own_quantities() -> dict[str, OwnQuantity]:
     return found
 
 
-def study_of(run: str | Path, changes: Sequence[str] = ()) -> tuple[Study, Path]:
+def study_of(run: str | Path, changes: Sequence[str] = (), *, stored: bool = False) -> tuple[Study, Path]:
     """Return the study of a study file, or of a run by folder, ``study.nc`` or name, and the folder of its results.
 
     A run stores the names of height files alone: they lie in its folder, as heights that were in memory, or in the
-    current folder.
+    current folder. With ``stored`` they may be absent, and the study of the run makes no cases of them.
     """
     path = Path(run)
-    if (not _is_file(path) or path.name == RESULTS) and (folder := folder_with_study(run)):
+    if folder := _folder_of_run(run):
         text = run_folder.stored_study(folder) or ""
         source = _beside_heights(text, folder)
         try:
-            study = loads(text, source, of_run=True, changes=changes)
+            study = loads(text, source, stored=stored, of_run=True, changes=changes)
         except StudyError as error:
             raise StudyError([_placed(problem, source, folder) for problem in error.problems]) from error
         renamed = any(change.partition("=")[0].strip() == "name" for change in changes)
@@ -233,6 +270,11 @@ def _beside_heights(text: str, folder: Path) -> Path:
 def folder_with_study(run: str | Path) -> Path | None:
     """Return the folder of a run by folder, ``study.nc`` or name; None for a study file."""
     return next((folder for folder in _folders(run) if _is_file(folder / "study.yaml")), None)
+
+
+def _folder_of_run(run: str | Path) -> Path | None:
+    """Return the folder of a run that a text names; None where the text is the path of another file."""
+    return None if _is_file(Path(run)) and Path(run).name != RESULTS else folder_with_study(run)
 
 
 def is_study_file(run: str | Path) -> bool:
@@ -302,7 +344,8 @@ def _check(file: Path, results: Dataset, given: Study | None, run: str, call: st
     within = _of_another_folder(file, results, stored)
     if given is not None and (lines := _of_another_study(file, results, stored, given, is_part=is_part)):
         show = "" if within else f"; to see what the folder holds: roughvol show {_word(file.parent)}"
-        another = same_study.another_study(file.parent, given, sample_plan.cases_of(given, file.parent))
+        cases = _cases(given, file.parent)
+        another = not cases or same_study.another_study(file.parent, given, cases)
         beside = " --set name=OTHER, or --fresh, which replaces these results" if another else ""
         message = (
             f"{file} does not hold the results of {run} (stored → {run}):\n{_indented(lines)}\n"
@@ -322,8 +365,15 @@ def _of_another_study(file: Path, results: Dataset, stored: str, given: Study, *
     """Return how the study and the height files of results differ from those of a study; a line each."""
     if not is_part and (lines := _changes(file, stored, given.stored())):
         return lines
-    cases = sample_plan.cases_of(given, file.parent)
+    if not (cases := _cases(given, file.parent)):
+        return []
     return _changed_heights(results, cases.values()) or _of_other_cases(results, cases)
+
+
+def _cases(study: Study, folder: Path) -> dict[str, Case]:
+    """Return the cases of a study; none of height files by name, whose heights are those of the results."""
+    named = isinstance(study.surface, HeightFile) and not Path(study.surface.file).is_absolute()
+    return {} if named else sample_plan.cases_of(study, folder)
 
 
 def _changed_heights(results: Dataset, cases: Iterable[Case], absent: Sequence[str] = ("absent",)) -> list[str]:

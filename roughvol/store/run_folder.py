@@ -16,6 +16,7 @@ import contextlib
 import datetime
 import json
 import os
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -45,6 +46,11 @@ def folder_of(study: Study, out: str | Path | None = None) -> Path:
     """
     check_type(out, (str, os.PathLike, type(None)), "the folder of the results is a path", FolderError)
     return Path("runs") / study.name if out is None else Path(out)
+
+
+def slug(text: str) -> str:
+    """Return a text as part of a file name: letters, digits and ``=+-.`` as they are, runs of all others as ``_``."""
+    return re.sub(r"[^A-Za-z0-9=+.-]+", "_", text.replace(" = ", "=")).strip("_")
 
 
 def case_file(folder: Path, id: str) -> Path:

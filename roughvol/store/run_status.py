@@ -28,7 +28,7 @@ class Status:
     - ``damaged``, ``failed``, ``outdated``: reason or error by the id of the case. Files of another format are
       outdated; their cases are missing.
     - ``collected``: whether ``study.nc`` holds this study
-    - ``strange``: number of other case files that are not of this study
+    - ``strange``: number of other case files that are not of this study; of a part of lists, not of the whole study
     - ``versions``: number of finished cases by version of roughvol
     - ``holder``: the process that runs now
     - ``left``: its estimate of the seconds to go
@@ -83,6 +83,8 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
     """
     study = study if isinstance(study, Study) else load(study)
     folder = folder_of(study, out)
+    whole = _whole(folder, study)  # the study may have some combinations of its lists
+    study = same_study.spelled_as(study, whole)
     cases = sample_plan.cases_of(study, folder)
     if another := same_study.another_study(folder, study, cases):
         raise FolderError(another)
@@ -90,7 +92,9 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
     noted, left = _progress(folder) if holder else ((), None)
     stored, failures = run_folder.stored_ids(folder), run_folder.failures(folder, cases)
     outdated = {id: f"{case_file(folder, id)} was {why}" for id, why in run_folder.outdated(folder, cases).items()}
-    strange = len(stored - cases.keys() - outdated.keys())
+    strange = stored - cases.keys() - outdated.keys()
+    if is_part := bool(same_study.part(study, whole)):
+        strange -= same_study.cases_of_stored(whole, study, folder)
     files = {id: run_folder.examined(case_file(folder, id), cases[id], quick=True) for id in cases if id in stored}
     done = {id: file.version for id, file in files.items() if file.fault is None}
     outdated |= {id: str(file.fault) for id, file in files.items() if file.outdated}
@@ -99,9 +103,21 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
     missing = tuple(id for id in others if id not in damaged)
     running = tuple(id for id in noted if id in cases and id not in done)
     failed = {id: error for id, error in failures.items() if id not in done and id not in running}
-    collected, versions = run_folder.is_collected(folder, study.stored()), dict(Counter(done.values()))
+    collected = run_folder.is_collected(folder, (whole if is_part else study).stored())
+    versions = dict(Counter(done.values()))
     by_id = tuple(done), missing, damaged, collected, running, failed
-    return Status(folder, *by_id, strange, outdated, versions, holder, left)
+    return Status(folder, *by_id, len(strange), outdated, versions, holder, left)
+
+
+def _whole(folder: Path, study: Study) -> Study:
+    """Return the study that a folder stores; without a readable one the study itself."""
+    text = run_folder.stored_study(folder)
+    if text in (None, study.stored()):
+        return study
+    try:
+        return loads(str(text), stored=True)
+    except StudyError:
+        return study
 
 
 def of_results(folder: Path) -> Status | None:

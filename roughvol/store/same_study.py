@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from roughvol.errors import DatasetError, StudyError
+from roughvol.store import sample_plan
 from roughvol.store.run_folder import case_file, outdated, stored_ids, stored_study, strangers
-from roughvol.study import Case, HeightFile, Study, loads
+from roughvol.study import Case, HeightFile, Study, axes, loads
+from roughvol.study.axes import Label
 
 AXES = ("surface.D", "surface.H", "surface.m", "surface.n", "surface.seeds")
 WORDS = ("name", "comment", "seal")  # keys and sections that change no stored number
@@ -71,7 +73,7 @@ def differences(old: Study, new: Study) -> list[str]:
     gone = {name: [value for value in before[name] if value not in after[name]] for name in both}
     shared = all(len(values) < len(before[name]) for name, values in gone.items())
     lines = [f"{name}: no longer {', '.join(map(str, values))}" for name, values in gone.items() if values]
-    stored, asked = _answers(_with_files_of(old, new)), _answers(new)
+    stored, asked = _answers(_with_files_of(old, new)), _answers([variant.study for variant in new.variants])
     if stored == asked if not (old.axes or new.axes) else any(one in asked for one in stored):
         return [] if shared else lines
     lines += _changed(before, after, ("record", *AXES, *WORDS))
@@ -83,7 +85,33 @@ def changed_keys(old: Study, new: Study) -> list[str]:
     return _changed(_keys(old), _keys(new), WORDS)
 
 
-def settings(study: Study) -> str:
+def spelled_as(study: Study, stored: Study) -> Study:
+    """Return a study with the values of its keys as the lists of a stored study spell them, where these are equal."""
+    keys = axes.spelled_as(study.model_dump(mode="json"), stored.model_dump(mode="json")) if stored.axes else {}
+    return study.changed(**keys) if keys else study
+
+
+def part(study: Study, stored: Study) -> dict[str, list[Label]]:
+    """Return the labels of the lists of a stored study that a study has, by axis; empty if it has another combination.
+
+    The stored study has no lists: empty.
+    """
+    labels = {_settings(variant.study): variant.labels for variant in stored.variants} if stored.axes else {}
+    asked = [labels.get(_settings(variant.study), {}) for variant in study.variants]
+    if not all(asked):
+        return {}
+    return {
+        axis.name: [label for label in axis.labels if any(own[axis.name] == label for own in asked)]
+        for axis in stored.axes
+    }
+
+
+def cases_of_stored(stored: Study, study: Study, folder: Path) -> set[str]:
+    """Return the ids of the cases of a stored study, which has the height files of another study."""
+    return {id for one in _with_files_of(stored, study) for id in sample_plan.cases_of(one, folder)}
+
+
+def _settings(study: Study) -> str:
     """Return the keys of a study that may change a number, as text."""
     return json.dumps({name: value for name, value in _keys(study).items() if name.partition(".")[0] not in WORDS})
 
@@ -99,27 +127,29 @@ def _changed(before: Mapping[str, Any], after: Mapping[str, Any], left_out: Coll
     return [f"{name}: {' → '.join(_shown(before, after, name))}" for name in names]
 
 
-def _with_files_of(old: Study, new: Study) -> Study:
-    """Return a stored study with the paths of the height files of a new one."""
-    surface, given = old.surface, new.surface
-    if not isinstance(surface, HeightFile) or not isinstance(given, HeightFile):
-        return old
-    against = surface.against
-    if against is not None and given.against is not None:
-        against = against.model_copy(update={"file": given.against.file})
-    surface = surface.model_copy(update={"file": given.file, "files": given.files, "against": against})
-    return old.model_copy(update={"surface": surface})
+def _with_files_of(old: Study, new: Study) -> list[Study]:
+    """Return the combinations of a stored study with the paths of the height files of a new one."""
+    given, found = new.surface, []
+    for study in (variant.study for variant in old.variants):
+        surface = study.surface
+        if isinstance(surface, HeightFile) and isinstance(given, HeightFile):
+            against = surface.against
+            if against is not None and given.against is not None:
+                against = against.model_copy(update={"file": given.against.file})
+            surface = surface.model_copy(update={"file": given.file, "files": given.files, "against": against})
+        found.append(study.model_copy(update={"surface": surface}))
+    return found
 
 
-def _answers(study: Study) -> list[dict[str, Any]]:
-    """Return the part of the key that all cases share, for each combination of lists; nothing without height files.
+def _answers(combinations: Sequence[Study]) -> list[dict[str, Any]]:
+    """Return the part of the key that all cases of a combination share, for each; nothing without height files.
 
     What is recorded is no part of it: stored cases stay beside those with other records.
     """
     found = []
     try:
-        for variant in study.variants:
-            key = json.loads(variant.study.cases()[0].key_text)
+        for study in combinations:
+            key = json.loads(study.cases()[0].key_text)
             key["surface"] = {name: value for name, value in key["surface"].items() if name not in ("D", "m", "seed")}
             del key["record"]
             found.append(key)

@@ -17,7 +17,6 @@ from xarray import DataArray, Dataset
 from roughvol.errors import DatasetError, StudyError
 from roughvol.observables.variables import STATES, VARIABLES
 from roughvol.store import dataset
-from roughvol.store.same_study import settings
 from roughvol.study import AXES, Axis, Study, Variant, loads
 
 SURFACES = (*AXES, "D", "m", "seed", "case")  # dimensions of lists and surfaces
@@ -159,19 +158,12 @@ def counted_once(results: Dataset, study: Study) -> Dataset:
     return results.drop_dims(("x", "y"), errors="ignore").where(first)
 
 
-def labels_of(results: Dataset, study: Study) -> dict[str, list[float | str]]:
-    """Return the labels of the lists of results that a study has, by axis; empty if it has another combination."""
-    stored = study_in(results)
-    if stored is None or not stored.axes:
-        return {}
-    labels = {settings(variant.study): variant.labels for variant in stored.variants}
-    asked = [labels.get(settings(variant.study), {}) for variant in study.variants]
-    if not all(asked):
-        return {}
-    return {
-        axis.name: [label for label in axis.labels if any(own[axis.name] == label for own in asked)]
-        for axis in stored.axes
-    }
+def part_words(results: Dataset) -> str:
+    """Return in words the labels that a part of a study with lists has; empty for all combinations."""
+    study = study_in(results)
+    held = {axis: results[axis.name].values.ravel() for axis in (study.axes if study else ()) if axis.name in results}
+    parts = ((axis, labels.tolist()) for axis, labels in held.items() if labels.size < len(axis.labels))
+    return ", ".join(axis.words(label) for axis, labels in parts for label in labels)
 
 
 def of_one_combination(results: Dataset) -> Dataset:

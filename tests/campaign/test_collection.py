@@ -114,7 +114,7 @@ def test_maps_materials_and_loads_make_one_dataset_and_one_figure() -> None:
     assert "E = 5 MPa" in said("show", "many", "--at", "pressure=0.07MPa")
     assert "E = 10 MPa" in said("compare", "many")
     said("plot", "many", "fig04a")
-    assert Path("runs/many/figures/E_5_MPa").is_dir()
+    assert Path("runs/many/figures/E=5_MPa").is_dir()
 
 
 def test_the_report_of_a_combination_has_its_treatment_and_its_region() -> None:

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 import roughvol
-from roughvol.store import StoredRun
-from tests.kit import refused, said
+from roughvol.store import StoredRun, same_study
+from roughvol.study import loads
+from roughvol.study.axes import choices
+from tests.kit import call, refused, said
 
 TEXT = """
 surface: {D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}
@@ -107,12 +109,138 @@ def test_a_study_with_values_of_the_lists_of_a_run_opens_their_results(
     assert first == second
     assert texts[0].startswith(f"listed, E = 20 MPa, thickness = {thickness}: ")
     assert f"roughvol card listed --set 'material.E=20 MPa' --set {shlex.quote(changes[1])}" in texts[0]
-    for change in ("material.E=30 MPa", "material.E=[20 MPa, 30 MPa]", "surface.m=3"):
+    for change in ("material.E=30 MPa", "material.E=20 kPa", "material.E=[20 MPa, 30 MPa]", "surface.m=3"):
         with pytest.raises(roughvol.errors.FolderError, match="does not hold the results of listed"):
             roughvol.open("listed", changes=[*changes, change])
-    message = refused("ask", "listed", "--leak-rate", leak)
-    assert "the run has several E (10 MPa, 20 MPa)" in message
-    assert "one combination opens by --set material.E=… --set material.thickness=…" in message
+
+
+@pytest.fixture(scope="module")
+def of_lists(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of the run ``many`` of a height file, with lists of all kinds, and of its study file."""
+    folder = tmp_path_factory.mktemp("of_lists")
+    text = SCAN.replace("L: 100 um", "L: 100 um, level: [none, tilt]").replace("0.5}", "0.5, thickness: [none, 50 um]}")
+    text = text.replace("{pressures: [0.1 MPa, 0.2 MPa]}", "{steps: 3, to: [percolation, {pressure: 0.4 MPa}]}")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        np.savetxt("heights.txt", _heights(0))
+        Path("many.yaml").write_text(f"{text}  region: [none, interior]\n", encoding="utf-8")
+        roughvol.run("many.yaml", jobs=1)
+    return folder
+
+
+@pytest.fixture
+def many(of_lists: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a copy of the run ``many``, in a current folder without its study file and its heights."""
+    shutil.copytree(of_lists / "runs", tmp_path / "runs")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "runs" / "many"
+
+
+CHANGES = ("surface.level=tilt", "material.thickness=50 um", "sweep.to={pressure: 0.4 MPa}", "record.region=none")
+PART = "level=tilt_thickness=50_um_pressure=0.4_MPa_region=whole"
+
+
+def test_the_refusal_of_a_run_with_lists_has_the_changes_that_open_a_part(many: Path) -> None:
+    message = refused("ask", "many", "--closed")
+    assert "several thickness (50 um, none); allowed: surfaces of one kind at one value of each key" in message
+    keys = [text.split(" or ") for text in message.rstrip().partition("opens by a change of each key: ")[2].split("; ")]
+    assert len(keys) == 4
+    for first, second in keys:
+        assert roughvol.open("many", changes=shlex.split(first)[1:]).nbytes < roughvol.open("many").nbytes
+        assert roughvol.open("many", changes=shlex.split(second)).nbytes < roughvol.open("many").nbytes
+    chosen = [word for first, _ in keys for word in shlex.split(first)]
+    assert len(roughvol.ask("many", changes=chosen[1::2]).answers) == 2
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "material: [{E: 5 MPa, nu: 0.3}, {E_star: 3 GPa}, {E: 5 MPa, nu: 0.3, against: {E: 2 GPa, nu: 0.3}}]",
+        "material: {E_star: [3.0, 4.0], hardness: [none, 1.0]}\nsweep: {to: [mean-plane, {contact_area: 0.2}]}",
+    ],
+)
+def test_each_change_that_chooses_from_a_list_gives_a_part_of_its_study(text: str) -> None:
+    study = loads(f"surface: {{D: 2.3, m: 3, L: 1 mm, Sq: 1 um}}\n{text}")
+    for axis, changes in choices(study).items():
+        for label, change in changes.items():
+            part = loads(study.stored(), of_run=True, changes=[change])
+            assert same_study.part(part, study)[axis] == [label]
+
+
+@pytest.mark.parametrize(
+    ("first", "same"),
+    [
+        ("material.thickness=50 um", "material.thickness=0.05 mm"),
+        ("material.thickness=[50 um]", "material.thickness=[50000 nm]"),
+        ("sweep.to={pressure: 0.4 MPa}", "sweep.to={pressure: 4 bar}"),
+    ],
+)
+def test_a_value_of_a_list_opens_in_any_unit(
+    of_lists: Path, monkeypatch: pytest.MonkeyPatch, first: str, same: str
+) -> None:
+    monkeypatch.chdir(of_lists)
+    for run in ("many", "many.yaml"):
+        assert roughvol.open(run, changes=[same]).identical(roughvol.open(run, changes=[first]))
+        assert said("status", run, "--set", same) == said("status", run, "--set", first)
+
+
+def test_the_figures_and_pages_of_a_part_lie_beside_those_of_the_run(many: Path) -> None:
+    law = Path("law.yaml")
+    law.write_text("power: {exponent: 0.1, time: 1 s}", encoding="utf-8")
+    given = [word for change in CHANGES for word in ("--set", change)]
+    said("plot", "many", "v_of_p")
+    said("report", "many")
+    before = {path: path.read_bytes() for path in many.rglob("*") if path.is_file()}
+    said("plot", "many", "v_of_p", *given)
+    said("report", "many", *given)
+    said("creep", "many", "--law", law, "--at", "pressure=0.15MPa", "--times", "1 s", *given)
+    after = {path: path.read_bytes() for path in many.rglob("*") if path.is_file()}
+    assert {path: after[path] for path in before} == before
+    made = {str(path.relative_to(many)) for path in after.keys() - before.keys()}
+    names = ("figures/v_of_p.png", "report.html", "report.md", "claims.json", "creep.csv", "creep.png")
+    assert made == {f"{PART}/{name}" for name in names}
+
+
+def test_the_status_of_a_part_counts_the_cases_of_the_run_as_its_own(
+    of_lists: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(of_lists)
+    whole, part = roughvol.status("many"), roughvol.status("many", changes=CHANGES)
+    assert len(whole.done) > len(part.done) == 1
+    assert (part.strange, part.collected, part.missing) == (0, True, ())
+
+
+def test_the_command_of_an_answer_repeats_the_changes_of_its_run(many: Path) -> None:
+    asked = roughvol.ask("many", changes=CHANGES)
+    text = "roughvol run many " + shlex.join(word for change in CHANGES for word in ("--set", change))
+    assert asked.command().startswith(f"{text} --set name=many_closer --set ")
+    assert asked.plain()["narrower"] == asked.command()
+    assert roughvol.ask(changes=CHANGES).command() == asked.command()  # of the latest run
+
+
+def test_a_moved_run_of_height_files_opens_in_parts(many: Path, of_lists: Path) -> None:
+    part = roughvol.open("many", changes=CHANGES)
+    moved = many.rename("moved")
+    assert roughvol.open(moved, changes=CHANGES).identical(part)
+    message = refused(
+        "ask", "moved", "--closed", "--budget", *(word for change in CHANGES for word in ("--set", change))
+    )
+    assert "surface.file: no such file" in message  # a card presses the heights
+    shutil.copy(of_lists / "heights.txt", moved)
+    assert roughvol.status("moved", changes=CHANGES).collected
+
+
+def test_a_run_of_a_part_says_that_study_nc_has_its_cases_alone(
+    of_lists: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(of_lists, tmp_path / "here")
+    monkeypatch.chdir(tmp_path / "here")
+    done = call("run", "many.yaml", *(word for change in CHANGES for word in ("--set", change)), "--jobs", "1")
+    assert done.exit_code == 0, done.output
+    assert (
+        "runs/many/study.nc gets the cases of this study alone; runs/many/cases keeps files of other cases: "
+        in done.stderr
+    )
 
 
 def test_a_changed_height_file_does_not_get_the_numbers_of_the_old_one(place: Path) -> None:
