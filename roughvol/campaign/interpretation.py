@@ -19,16 +19,10 @@ from roughvol.study.values.units import convert, unit_of
 from roughvol.surfaces import length_units, measured, texture
 from roughvol.surfaces.body import Body
 from roughvol.surfaces.files import reading
-from roughvol.surfaces.surface import Surface
-from roughvol.typing import Sides
+from roughvol.surfaces.surface import BEYOND, Surface
 
 LARGEST_M = 10  # of a generated surface made to show it: 2^20 nodes
 SOFT, HARD = 1e-4, 1.0  # hardness over E*: a tenth of that of the softest metals (validity.toml: `metal`); of no solid
-BEYOND: dict[Sides, str] = {
-    "free": "nothing beyond them, so the rim carries more than the middle",
-    "mirrored": "the surface and its mirror images make an endless plane",
-    "periodic": "the periods of the surface make an endless plane",
-}
 SHOWN = 4  # values in a sentence
 SCATTER = 0.01  # relative difference of the largest and the smallest Sq from which both are shown
 

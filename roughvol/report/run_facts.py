@@ -24,13 +24,12 @@ from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number, range_text
-from roughvol.campaign.interpretation import BEYOND
 from roughvol.contact.kernels import KERNELS
 from roughvol.observables.variables import AXES
 from roughvol.report.document import Pairs
 from roughvol.report.states import ROUNDING, P, Row, States, every_step, head, sentences
 from roughvol.study import HeightFile, Study
-from roughvol.surfaces.surface import intervals
+from roughvol.surfaces.surface import BEYOND, intervals
 from roughvol.typing import Array
 
 STATES = 24  # rows of a table of states; a longer sweep is shown at even steps, its first and last state among them

@@ -18,6 +18,12 @@ from roughvol.spellings import arguments
 from roughvol.typing import Array, Sides
 
 SMALLEST_RANGE = 1e-290  # of heights that are not flat: below, their differences are denormal and Sq loses its digits
+BEYOND: dict[Sides, str] = {
+    "free": "nothing beyond them, so the rim carries more than the middle",
+    "mirrored": "the surface and its mirror images make an endless plane",
+    "periodic": "the periods of the surface make an endless plane",
+}
+"""What follows beyond the sides of a surface, in words."""
 
 
 class Sided:
