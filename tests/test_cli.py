@@ -56,10 +56,10 @@ UNUSED = (  # by command; a row is one process, in which later commands may impo
         "explain leak_rate": HEAVY,
         "ls": HEAVY,
         "status leaking.yaml": HEAVY,
-        "show tiny": NUMERICS,
         "compare tiny tiny": NUMERICS,
         "ask leaking --closed": NUMERICS,
     },
+    {"show tiny": f"{NUMERICS} pint"},
     {"check leaking.yaml": "xarray scipy.optimize scipy.interpolate scipy.ndimage dask matplotlib"},
 )
 

@@ -25,10 +25,11 @@ from typing import Any
 
 import netCDF4
 import numpy as np
+import pandas as pd
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 from xarray import Dataset
-from xarray.backends import NetCDF4DataStore
+from xarray.backends import NetCDF4DataStore, StoreBackendEntrypoint
 
 from roughvol.errors import DatasetError
 from roughvol.observables.variables import ALONG, AXES, DTYPES, FIELDS, MISSING, VARIABLES
@@ -159,13 +160,12 @@ def _with_axis(dataset: Dataset) -> Dataset:
     """Return a dataset of version 0.13 or older, with variables ``…_x`` and ``…_y``, as one with the dimension axis."""
     if "critical_position_x" in dataset:
         dataset = dataset.rename(axis="coordinate")  # of a position
-    labels = xr.IndexVariable("axis", list(AXES))
     for name, row in VARIABLES.items():
         pair = [dataset[f"{name}_{axis}"] for axis in AXES if f"{name}_{axis}" in dataset]
         if " axis" in row.dims and len(pair) == len(AXES):
             behind = row.dims.partition(" axis")[2].split()
             before = [dim for dim in pair[0].dims if dim not in behind]
-            joined = xr.concat(pair, labels).transpose(*before, "axis", *behind)
+            joined = xr.concat(pair, xr.IndexVariable("axis", list(AXES))).transpose(*before, "axis", *behind)
             joined = joined.assign_attrs(pair[0].attrs | {"symbol": row.symbol, "long_name": row.long_name})
             dataset = dataset.assign({name: joined}).drop_vars([one.name for one in pair])
     return dataset
@@ -177,13 +177,23 @@ def _opened(content: bytes) -> Dataset:
         with ONE_AT_A_TIME:
             stored = netCDF4.Dataset("memory.nc", memory=content)
             try:
-                return xr.load_dataset(NetCDF4DataStore(stored))
+                # without an engine, all installed packages are asked for theirs
+                options: dict[str, Any] = {"engine": StoreBackendEntrypoint, "create_default_indexes": False}
+                return _indexed(xr.load_dataset(NetCDF4DataStore(stored), **options))
             finally:
                 if stored.isopen():
                     stored.close()
     dataset = xr.load_dataset(io.BytesIO(content), engine="scipy")
     short = {str(name): v.astype("int64") for name, v in dataset.variables.items() if v.dtype == "int32"}
     return dataset.assign(short)  # netCDF-3 has no longer integers
+
+
+def _indexed(dataset: Dataset) -> Dataset:
+    """Return a dataset with the indexes of its dimensions, of pandas: to make them of arrays, xarray imports pint."""
+    labels = {str(dim): dataset.variables[dim] for dim in dataset.dims if dim in dataset.variables}
+    kinds = {name: object if row.dtype.kind == "O" else None for name, row in labels.items()}
+    indexes = {name: pd.Index(row.values, dtype=kinds[name]) for name, row in labels.items()}
+    return dataset.assign_coords({n: (n, indexes[n], row.attrs, row.encoding) for n, row in labels.items()})
 
 
 def read_arrays(path: Path) -> tuple[Arrays, dict[str, str], stamped_file.Labels]:

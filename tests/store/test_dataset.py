@@ -218,6 +218,21 @@ def test_plain_arrays_are_those_of_the_dataset(tmp_path: Path, monkeypatch: pyte
     xr.testing.assert_identical(dataset.combine([arrays], stored.attrs), stored)
 
 
+def test_a_file_is_read_as_xarray_reads_it(tmp_path: Path) -> None:
+    parts = [dataset.build(_case(D, 3), _values(3), {}) for D in (2.3, 2.7)]
+    dataset.write(dataset.combine(parts, {"format": stamped_file.FORMAT, "case": "{}"}), path := tmp_path / "study.nc")
+    plain = tmp_path / "plain.nc"
+    plain.write_bytes(stamped_file.verified(path)[0])
+    found, expected = dataset.read(path), xr.load_dataset(plain, engine="netcdf4")
+    xr.testing.assert_identical(found, expected)
+    assert list(found.variables) == list(expected.variables)
+    for name, index in expected.indexes.items():
+        assert (found.indexes[name].dtype, found[name].encoding.get("_FillValue")) == (
+            index.dtype,
+            expected[name].encoding.get("_FillValue"),
+        )
+
+
 def test_texts_and_seeds_of_any_size_are_stored(tmp_path: Path) -> None:
     case = _case(seed=2**62 + 1)
     values = _values(3) | {"field_at": ["höhe = 1 µm", "a"]}
