@@ -63,8 +63,9 @@ def average(name: str, values: ArrayLike) -> Average:
     known = all_values[np.isfinite(all_values)]
     if known.size == 0:
         return Average(math.nan, known, all_values.size)
-    value = float(np.median(known) if is_flow(name) else known.mean())
-    if is_flow(name) and value == 0.0 and 2 * np.count_nonzero(known == 0.0) <= all_values.size:
+    is_median = is_flow(name)
+    value = float(np.median(known) if is_median else known.mean())
+    if is_median and value == 0.0 and 2 * np.count_nonzero(known == 0.0) <= all_values.size:
         value = math.nan
     return Average(value, known, all_values.size)
 

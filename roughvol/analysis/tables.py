@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from xarray import Dataset
+from xarray import Dataset, Variable
 
 from roughvol.observables.variables import AXES
 
@@ -28,19 +28,24 @@ class Table:
         return replace(self, title=", ".join(filter(None, (words, self.title))))
 
 
-def spread(ds: Dataset) -> Dataset:
-    """Return a dataset with a column for each direction, ``leak_rate_x`` and ``leak_rate_y``, in place of ``axis``."""
-    columns = {}
-    for key in ds.data_vars:
-        variable = ds.variables[key]  # quicker than the array with its coordinates
+def by_direction(ds: Dataset) -> dict[str, Variable]:
+    """Return the variables of a dataset by name, those of each direction, as ``leak_rate_x``, in place of ``axis``."""
+    columns: dict[str, Variable] = {}
+    for name, variable in ds.variables.items():
         if "axis" not in variable.dims:
-            columns[str(key)] = variable
-            continue
-        symbol = str(variable.attrs.get("symbol", key))
-        for axis in AXES:
-            part = columns[f"{key}_{axis}"] = variable.isel(axis=ds.indexes["axis"].get_loc(axis))
-            part.attrs["symbol"] = re.sub(r"(?<![A-Za-z])i(?![A-Za-z])", axis, symbol)
-    return Dataset(columns, coords=ds.drop_dims("axis", errors="ignore").coords, attrs=ds.attrs)
+            columns[str(name)] = variable
+        elif name != "axis":
+            symbol = str(variable.attrs.get("symbol", name))
+            for axis in AXES:
+                part = columns[f"{name}_{axis}"] = variable.isel(axis=ds.indexes["axis"].get_loc(axis))
+                part.attrs["symbol"] = re.sub(r"(?<![A-Za-z])i(?![A-Za-z])", axis, symbol)
+    return columns
+
+
+def spread(ds: Dataset) -> Dataset:
+    """Return a dataset with the variables of `by_direction`."""
+    columns = by_direction(ds)
+    return Dataset(columns, attrs=ds.attrs).set_coords(columns.keys() & ds.coords.keys())
 
 
 def number(value: float, digits: int = 4) -> str:

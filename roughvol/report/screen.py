@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from xarray import Dataset
+from xarray import Dataset, Variable
 
 from roughvol.analysis import leak
 from roughvol.analysis.at import RULE, State, at, legs_of
@@ -18,13 +18,13 @@ from roughvol.analysis.derived import check_pressed, derived, groups
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run, answers
-from roughvol.analysis.tables import Table, spread
+from roughvol.analysis.tables import Table, by_direction
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError, warn
 from roughvol.observables.stiffness import stiffness_exponent, without_every_second
 from roughvol.observables.variables import STATES
 from roughvol.report.run_facts import closing
-from roughvol.report.states import P, Row, States, every_step, of_all
+from roughvol.report.states import Numbers, P, Row, States, every_step, of_all
 from roughvol.store.variants import parts_of
 from roughvol.study import Level, Quantity, parse
 from roughvol.study.plain_data import finite
@@ -82,7 +82,7 @@ def _at_levels(table: str, heads: Sequence[str], rows: Sequence[Row]) -> States:
 def _of_groups(table: str, found: Sequence[tuple[str, State]], *, grouped: bool) -> States:
     """Return states of the groups of a run, which are named where they are several."""
     rows = [
-        Row((name, state.label) if grouped else (state.label,), state, spread(state.data), name)
+        Row((name, state.label) if grouped else (state.label,), state, by_direction(state.data), name)
         for name, state in found
     ]
     return _at_levels(table, ("surface", "state") if grouped else ("state",), rows)
@@ -140,8 +140,8 @@ def shown(run: Run) -> list[Table]:
         several, legs = group.sizes["seed"] > 1, "leg" in group
         rows = []
         for state, data in every_step(group, "steps"):
-            leg = [str(int(data.variables["leg"]))] if legs else []
-            solved = [str(np.count_nonzero(np.isfinite(data.variables[P].values)))] if several else []
+            leg = [str(int(data["leg"].values))] if legs else []
+            solved = [str(np.count_nonzero(np.isfinite(data[P].values)))] if several else []
             rows.append(Row((state.label, *leg, *solved), state, data))
         found = States.of("steps", ("step", *["leg"] * legs, *["surfaces"] * several), rows)
         exponent = _exponent(group) if STIFFNESS in found.columns else []
@@ -202,9 +202,10 @@ def records(run: Run, levels: Sequence[Level] = ()) -> Records:
     named = [(part, _named(part, common, steps=True, recorded=bool(levels))) for part in run.parts]
     rows, absent = list[dict[str, Any]](), list[str]()
     states = [row for level in levels for row in _reaching(named, level, absent)]
+    every: list[list[tuple[State, Mapping[str, Numbers | Variable]]]]
     for own, (part, some) in zip(labels, named, strict=True):
         if levels:
-            every = [[(state, spread(state.data))] for of, _, state in states if of is part]
+            every = [[(state, by_direction(state.data))] for of, _, state in states if of is part]
         else:
             every = [list(every_step(group)) for _, group in some]
         names, units_of_part = _columns(some, "state" if levels else "step")
@@ -216,8 +217,9 @@ def records(run: Run, levels: Sequence[Level] = ()) -> Records:
 
 def _columns(named: Sequence[tuple[str, Dataset]], state: str) -> tuple[list[str], dict[str, str]]:
     """Return the names of the columns of a combination, the word for a state among them, and the units of numbers."""
-    ds = spread(named[0][1])
-    numbers = [str(name) for name, variable in ds.data_vars.items() if name != "leg" and _is_of_steps(variable)]
+    first = named[0][1]
+    ds = by_direction(first)
+    numbers = [name for name, variable in ds.items() if name not in first.coords and _is_of_steps(variable)]
     case = [name for name in CASE if any(name in group.coords for _, group in named)]
     names = [*case, state, *["leg"] * (state == "step" and "leg" in ds), *numbers]
     return names, {name: str(ds[name].attrs.get("units", "1")) for name in names[len(case) + 1 :]}
@@ -228,12 +230,14 @@ def _is_of_steps(variable: Any) -> bool:
     return "step" in variable.dims and set(variable.dims) <= {"seed", "step"} and variable.dtype.kind in "fib"
 
 
-def _of_each_surface(states: Sequence[tuple[State, Dataset]], names: Sequence[str]) -> Iterator[dict[str, Any]]:
+def _of_each_surface(
+    states: Sequence[tuple[State, Mapping[str, Numbers | Variable]]], names: Sequence[str]
+) -> Iterator[dict[str, Any]]:
     """Yield the numbers of each surface at the states that it reaches or has closed before."""
-    surfaces = states[0][1].sizes["seed"]
+    surfaces = states[0][0].data.sizes["seed"]
     values = []
     for state, data in states:
-        held: dict[str, Any] = {n: data.variables[n].values for n in names if n in data} | {"state": state.label}
+        held: dict[str, Any] = {n: data[n].values for n in names if n in data} | {"state": state.label}
         values.append({name: np.broadcast_to(held.get(name, np.array(None)), surfaces).tolist() for name in names})
     for k in range(surfaces):
         for (state, _), columns in zip(states, values, strict=True):
@@ -269,7 +273,7 @@ class Compared:
             row: dict[str, Any] = {"state": state.label, "run": name, "surfaces": state.surfaces}
             row |= {"reached": state.reached, "closed_before": state.closed}
             for column in self.states.columns:
-                values = of_all(data.variables[column].values, state.surfaces) if column in data else np.array([np.nan])
+                values = of_all(data[column].values, state.surfaces) if column in data else np.array([np.nan])
                 over = average(column, values)
                 row[column] = over.value
                 if column.startswith("open_"):
@@ -277,7 +281,7 @@ class Compared:
                 elif is_flow(column):
                     row |= {f"{column}_low": over.low, f"{column}_high": over.high}
                 if column in data:
-                    units[column] = str(data.variables[column].attrs.get("units", "1"))
+                    units[column] = str(data[column].attrs.get("units", "1"))
             rows.append(row)
         return _plain_rows(rows, units)
 
@@ -291,7 +295,7 @@ def compared(runs: Sequence[Run], levels: Sequence[Level] = ()) -> Compared:
         for named in every:
             for part, group, state in _reaching(named, level, absent):
                 name = _full(part, group)
-                rows.append(Row((state.label, name), state, spread(state.data), name))
+                rows.append(Row((state.label, name), state, by_direction(state.data), name))
     found = _at_levels("short", ("state", "run"), rows)
     notes = dict[str, str]()
     for name in found.columns:

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from xarray import Dataset
+from xarray import Dataset, Variable
 
 from roughvol.analysis import leak
 from roughvol.analysis.at import State
 from roughvol.analysis.average import IN_WORDS, average, is_flow
 from roughvol.analysis.seal import LEAKS
-from roughvol.analysis.tables import Table, number, spread
+from roughvol.analysis.tables import Table, by_direction, number
 from roughvol.observables.variables import columns
 from roughvol.typing import Array
 
@@ -34,12 +34,19 @@ SHEETS = "sheets drawn from the surfaces of a row, which have one load there. ro
 CLOSED_BEFORE = "A surface that closed before a state has flows of 0 there, and no other number."
 
 
+class Numbers(NamedTuple):
+    """The numbers of the surfaces at a state, and what they are: the attributes of a variable."""
+
+    values: Any
+    attrs: Mapping[str, Any]
+
+
 class Row(NamedTuple):
     """A state: the words in front of its numbers, the numbers by direction, and the name of its run or group."""
 
     labels: tuple[str, ...]
     state: State
-    data: Dataset
+    data: Mapping[str, Numbers | Variable]
     name: str = ""
 
 
@@ -54,10 +61,10 @@ class States:
     @classmethod
     def of(cls, table: str, heads: Sequence[str], rows: Sequence[Row]) -> States:
         """Return states with the columns of a table: short, steps or states."""
-        data = [row.data for row in rows]
-        held = [n for n in columns(table) if any(n in ds and ds.variables[n].notnull().any() for ds in data)]
+        every = [row.data for row in rows]
+        held = [n for n in columns(table) if any(n in data and not np.isnan(data[n].values).all() for data in every)]
         for dimensional, starred in IN_PLACE.get(table, {}).items():
-            if dimensional in held and all(dimensional in ds for ds in data):
+            if dimensional in held and all(dimensional in data for data in every):
                 held = [name for name in held if not name.startswith(starred)]
         return cls(tuple(heads), tuple(rows), tuple(held))
 
@@ -65,12 +72,12 @@ class States:
         """Return the states as text, with the convention over surfaces in front of the notes."""
         most = max((row.state.surfaces for row in self.rows), default=1)
         heads = [
-            next(head(name, row.data.variables[name].attrs, most) for row in self.rows if name in row.data)
+            next(head(name, row.data[name].attrs, most) for row in self.rows if name in row.data)
             for name in self.columns
         ]
         lines = []
         for row in self.rows:
-            numbers, surfaces = row.data.variables, row.state.surfaces
+            numbers, surfaces = row.data, row.state.surfaces
             held = (cell(n, numbers[n].values, surfaces) if n in numbers else "" for n in self.columns)
             lines.append((*row.labels, *held))
         note = " ".join(filter(None, [self._convention(), *notes]))
@@ -116,23 +123,29 @@ class States:
             yield CLOSED_BEFORE
 
 
-def every_step(group: Dataset, table: str | None = None) -> Iterator[tuple[State, Dataset]]:
+def every_step(group: Dataset, table: str | None = None) -> Iterator[tuple[State, dict[str, Numbers]]]:
     """Yield the states of surfaces along ``seed`` step by step, where any is solved, and their numbers by direction.
 
     The numbers are those of a table, short, steps or states, or all. The ``data`` of a state are those of all steps.
     """
-    along = spread(group)
-    shown = {"leg", P, *columns(table)} if table else along.data_vars.keys()
-    along = along[[name for name in along.data_vars if name in shown and "step" in along.variables[name].dims]]
+    shown = {"leg", P, *columns(table)} if table else None
+    fixed, along = dict[str, Numbers](), dict[str, Numbers]()  # arrays of all steps: a choice of each step takes longer
+    for name, variable in by_direction(group).items():
+        if "step" in variable.dims and (shown is None or name in shown):
+            along[name] = Numbers(variable.transpose("step", ...).values, variable.attrs)
+        elif name in group.coords:
+            fixed[name] = Numbers(variable.values, variable.attrs)
+    labels = group["step"].values.tolist()
     for k in np.flatnonzero(group[P].notnull().any("seed").values).tolist():
-        yield State(str(int(group["step"].values[k])), group, group.sizes["seed"]), along.isel(step=k)
+        state = State(str(int(labels[k])), group, group.sizes["seed"])
+        yield state, fixed | {name: Numbers(every.values[k], every.attrs) for name, every in along.items()}
 
 
 def _lacks_flow(row: Row) -> bool:
     """Return whether a flow is not known at a state at a level; `leak.DRY_NOTE` says it under fluid pressure."""
     if "=" not in row.state.label or not row.state.reached or leak.is_lifted(row.state.data):
         return False
-    return any(is_flow(str(name)) and bool(flow.isnull().all()) for name, flow in row.data.data_vars.items())
+    return any(is_flow(name) and bool(np.isnan(flow.values).all()) for name, flow in row.data.items())
 
 
 def sentences(said: Mapping[str, bool]) -> str:
@@ -149,6 +162,8 @@ def head(name: str, attrs: Mapping[str, Any], surfaces: int = 1) -> str:
 
 def of_all(values: Array, surfaces: int) -> Array:
     """Return the numbers of all surfaces, missing for those that are not at a state."""
+    if values.size == surfaces:
+        return values
     every = np.full(surfaces, np.nan)
     every[: values.size] = values
     return every
