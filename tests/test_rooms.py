@@ -59,7 +59,7 @@ LIBRARIES = {  # library -> rooms or modules that import it
     "pint": ("study",),
     "xarray": ("store", "campaign.validity", "analysis", "report", "reproduction"),
     "netCDF4": ("store", "surfaces"),
-    "pandas": ("report.screen",),
+    "pandas": ("report.screen", "store.dataset"),
     "SurfaceTopography": ("surfaces",),
     "tifffile": ("surfaces",),
     "matplotlib": ("report.figures", "report.document", "reproduction.figures"),
