@@ -668,14 +668,15 @@ def report_on(runs: Sequence[str | Path] = (), *, changes: Changes = ()) -> Repo
     from roughvol.reproduction.judgement import judge
     from roughvol.reproduction.sections import report_of
     from roughvol.store import StoredRun, run
+    from roughvol.study import changes_of
 
-    found, refused = _each_opened(runs, changes), []
+    found, refused, texts = _each_opened(runs, changes), [], changes_of(changes)
     for folder in () if found else run.with_results():
         try:
-            found.append(StoredRun.open(folder))
+            found.append(StoredRun.open(folder, texts))
         except DatasetError as error:
             refused.append(str(error))
-    judgement = judge(found or [StoredRun.open()])
+    judgement = judge(found or [StoredRun.open(None, texts)])
     return Reported(judgement, report_of(judgement), tuple(found), tuple(refused))
 
 

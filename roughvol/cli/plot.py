@@ -69,7 +69,7 @@ def plot(
     if any(is_run(name) for name in names if name not in wanted):
         wanted = [name for name in names if name in wanted or not is_run(name)]  # figures of a user's quantities too
     others = [name for name in names if name not in wanted]
-    opened = [StoredRun.open(name, changes) for name in others] or [StoredRun.open()]
+    opened = [StoredRun.open(name, changes) for name in others] or [StoredRun.open(None, changes)]
     alone = len(opened) == 1
     titles = names_of([run.file for run in opened])
     runs = content.parts([(title, run.dataset) for title, run in zip(titles, opened, strict=True)])

@@ -201,6 +201,14 @@ def test_the_figures_and_pages_of_a_part_lie_beside_those_of_the_run(many: Path)
     assert made == {f"{PART}/{name}" for name in names}
 
 
+def test_changes_without_a_run_are_those_of_the_latest_run_and_of_each_run(many: Path) -> None:
+    given = [word for change in CHANGES for word in ("--set", change)]
+    assert said("show", *given) == said("show", "many", *given) != said("show")
+    assert said("plot", "v_of_p", *given) == said("plot", "many", "v_of_p", *given)
+    shutil.copytree(many, "runs/other")
+    assert [run.pages.name for run in roughvol.report_on(changes=CHANGES).runs] == [PART, PART]
+
+
 def test_the_status_of_a_part_counts_the_cases_of_the_run_as_its_own(
     of_lists: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
