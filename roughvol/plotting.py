@@ -18,11 +18,17 @@ if TYPE_CHECKING:
     from roughvol.report.figures.style import Drawing
     from roughvol.store.dataset import Dataset
     from roughvol.study import Case
+    from roughvol.typing import Changes
 
 SHOWS_ONE = "{} shows one run; several, or lists, are overlaid in figures by content, {}"
 
 
-def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], figure: str = "v_of_p") -> Drawing:
+def plot(
+    results: Dataset | str | Path | Mapping[str, Dataset | str | Path],
+    figure: str = "v_of_p",
+    *,
+    changes: Changes = (),
+) -> Drawing:
     """Return one figure of a run, or of several runs or combinations of a study with lists overlaid.
 
     A notebook shows it where it is the last value of a cell.
@@ -34,6 +40,8 @@ def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], fig
         dataset saved with ``to_netcdf``. Several by name.
     figure : str
         Name of the figure, as ``v_of_p``, ``leak_of_p`` or ``fig05``.
+    changes : mapping, or sequence of text
+        Settings of the study that choose a part of a run with lists, as ``["material.E=6 MPa"]``.
 
     Returns
     -------
@@ -65,7 +73,7 @@ def plot(results: Dataset | str | Path | Mapping[str, Dataset | str | Path], fig
     each: Mapping[str, Any] = results if several else {"": results}  # type: ignore[assignment]
     if not each:
         raise DatasetError("plot takes one run or more, given an empty mapping")
-    stored = [(str(name), opened(one)) for name, one in each.items()]
+    stored = [(str(name), opened(one, changes)) for name, one in each.items()]
     runs = content.parts([(name or run.name, run.dataset) for name, run in stored])
     check_type(figure, str, "a figure is text")
     check_known([figure], runs)

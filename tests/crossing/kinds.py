@@ -33,6 +33,8 @@ class Kind:
         E* in MPa, or E* of each label of a list; NaN without a unit.
     lists : tuple of str
         Keys with a list, which are dimensions of study.nc.
+    changes : tuple of str
+        The part of the run that the questions are put to, as for ``--set``. `modulus` has its labels.
     ends : str
         The load at which the sweep ends by definition, where no number of the last step has exactly this value.
     axes : str
@@ -53,6 +55,7 @@ class Kind:
     at: tuple[str, ...]
     modulus: float | Mapping[object, float] = 10.0
     lists: tuple[str, ...] = ()
+    changes: tuple[str, ...] = ()
     ends: str = ""
     axes: str = "xy"
     squares: float = 1.0

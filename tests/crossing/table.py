@@ -15,9 +15,9 @@ from tests.crossing.questions import QUESTIONS
 
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "crossing.md"
 UNITS = (
-    "one seeds sealed m files bodies spectrum grids period-grids materials layers regions legs one-way coupled gas "
-    "gas-alone lifted-gas region mirrored periodic closed some-closed percolation to-pressure to-area force nominal "
-    "gap records"
+    "one seeds sealed m files bodies spectrum grids period-grids materials part layers regions legs one-way coupled "
+    "gas gas-alone lifted-gas region mirrored periodic closed some-closed percolation to-pressure to-area force "
+    "nominal gap records"
 )
 PRESSED = f"{UNITS} D ensemble own mean-plane"
 UNPRESSED = {"unpressed": "nothing was pressed"}
@@ -37,7 +37,7 @@ class Cells:
 
 NO_LEAK = dict.fromkeys(("D", "ensemble", "own", "mean-plane", "unpressed"), "which the run does not have")
 PRESSED_AGAIN = (
-    "one sealed bodies spectrum grids period-grids materials layers regions legs one-way coupled gas gas-alone "
+    "one sealed bodies spectrum grids period-grids materials part layers regions legs one-way coupled gas gas-alone "
     "lifted-gas region mirrored periodic closed some-closed percolation mean-plane to-pressure to-area force "
     "nominal gap records unpressed study-changed file-changed"
 )
@@ -49,7 +49,7 @@ ONE_MAP = {
     **dict.fromkeys(("ensemble", "own"), "unexpected keyword argument 'ensemble'"),
 }
 ONE_KIND = (
-    "one seeds sealed files bodies spectrum grids period-grids gas gas-alone region mirrored periodic closed "
+    "one seeds sealed files bodies spectrum grids period-grids part gas gas-alone region mirrored periodic closed "
     "some-closed percolation to-pressure to-area force nominal gap records"
 )
 SEVERAL = {
