@@ -144,9 +144,9 @@ def spanning_period(labels: NDArray[np.integer], void: Mask, axis: int) -> NDArr
 
 def spanning(labels: NDArray[np.integer], axis: int) -> NDArray[np.integer]:
     """Return the labels found on both sides along an axis."""
-    ends = np.moveaxis(labels, axis, 0)
-    both = np.intersect1d(ends[0], ends[-1])
-    return both[both > 0]
+    ends = labels.T if axis else labels
+    both = set(ends[0].tolist()) & set(ends[-1].tolist())  # numpy is slow for short lines
+    return np.array(sorted(both - {0}), dtype=labels.dtype)
 
 
 def check_gap(gap: Array) -> None:

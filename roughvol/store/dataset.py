@@ -100,15 +100,33 @@ def case_bytes(case: Case, values: Mapping[str, ArrayLike], attributes: Mapping[
     return stamped_file.stamped(small_file.content(arrays, COORDS, attributes), stamped_file.labels_of(attributes))
 
 
+class _Later:
+    """A writer of xarray that holds the values back: HDF5 is slow where definitions and values alternate."""
+
+    def __init__(self) -> None:
+        self._held: list[tuple[Any, Any]] = []
+
+    def add(self, source: Any, target: Any, region: None = None) -> None:
+        """Hold the values of a variable."""
+        self._held.append((source, target))
+
+    def write(self) -> None:
+        """Write all values."""
+        for source, target in self._held:
+            target[...] = source
+
+
 def to_bytes(dataset: Dataset) -> bytes:
     """Return a dataset as a stamped netCDF file, made in memory."""
     arrays, labels = arrays_of(dataset), stamped_file.labels_of(dataset.attrs)
     if "case_id" in dataset.attrs and small_file.fits(arrays, SMALL):
         return stamped_file.stamped(small_file.content(arrays, COORDS, dataset.attrs), labels)
     with ONE_AT_A_TIME:
-        store = netCDF4.Dataset("memory.nc", "w", format="NETCDF4", memory=4096)
+        store, values = netCDF4.Dataset("memory.nc", "w", format="NETCDF4", memory=4096), _Later()
+        store.set_fill_off()  # every value is written
         try:
-            dataset.dump_to_store(NetCDF4DataStore(store), encoding=_encoding(dataset))
+            dataset.dump_to_store(NetCDF4DataStore(store), encoding=_encoding(dataset), writer=values)
+            values.write()
         finally:
             content = bytes(store.close())
     return stamped_file.stamped(content, labels)
