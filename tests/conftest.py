@@ -19,11 +19,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.timeout(7200))
 
 
+def pytest_configure() -> None:
+    """Collect garbage seldom: during imports and the collection of tests there is hardly any."""
+    gc.set_threshold(200_000, 20, 100)
+
+
 def pytest_collection_finish() -> None:
     """Leave out of later collections of garbage what lives to the end: a tenth of the processor time."""
     gc.collect()
     gc.freeze()
-    gc.set_threshold(50_000, 20, 100)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -128,10 +128,11 @@ def test_the_locale_c_prints_escapes_too_and_keeps_the_bytes_of_names(
     assert done.stdout.startswith("Größe: 8 of 8 cases finished")
     monkeypatch.setenv("PYTHONUTF8", "0")
     monkeypatch.setenv("PYTHONCOERCECLOCALE", "0")
-    done = python("-m", "roughvol", "show", "Größe")
-    assert done.stdout == shown.encode("ascii", "backslashreplace").decode()
-    assert python("-m", "roughvol", "status", "Größe").stdout.startswith("Größe: 8 of 8 cases finished")
-    assert python("-m", "roughvol", "plot", "Größe", "v_of_p").stdout.strip() == "Größe/figures/v_of_p.png"
+    each = "for words in sys.argv[1:]: main(words.split(), standalone_mode=False)"
+    code = f"import sys\nfrom roughvol.cli import main\n{each}"
+    done = python("-c", code, "show Größe", "status Größe", "plot Größe v_of_p")
+    assert done.stdout.startswith(shown.encode("ascii", "backslashreplace").decode() + "Größe: 8 of 8 cases finished")
+    assert done.stdout.endswith("\nGröße/figures/v_of_p.png\n")
 
 
 def test_status_counts_and_names_what_is_missing(place: Path) -> None:

@@ -28,7 +28,7 @@ pytestmark = pytest.mark.usefixtures("here")
 
 TINY = "surface: {D: 2.3, m: 4, seeds: 1}\nsweep: {steps: 2, to: {indentation: 1}}\n"
 DATA = {"name": "tiny", "surface": {"D": 2.3, "m": 4, "seeds": 1}, "sweep": {"steps": 2, "to": {"indentation": 1}}}
-UNITS = pint.UnitRegistry()
+UNITS = pint.get_application_registry()
 SEAL: dict[str, Any] = {"L": "500 um", "E": "10 MPa", "nu": 0.5}
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import linalg, signal
+from scipy import linalg
 from scipy.optimize import nnls
 
 from roughvol.contact.halfspace import HalfSpace
@@ -85,6 +85,8 @@ def dense(shape, kernel="love", sides="free"):
 
 def summed_displacement(pressure, kernel="love"):
     """K ∗ p by a linear convolution with the whole mirrored kernel, padded in full."""
+    from scipy import signal  # imports scipy.stats: half a second
+
     quadrant = coefficients(pressure.shape, kernel)
     half = np.concatenate([quadrant[:0:-1], quadrant])
     whole = np.concatenate([half[:, :0:-1], half], axis=1)

@@ -8,7 +8,7 @@ import pytest
 from roughvol.study import read
 from roughvol.study.values.units import FACTORS, KINDS, convert, unit_of
 
-REGISTRY = pint.UnitRegistry()
+REGISTRY = pint.get_application_registry()
 NAMED = [(kind, unit) for kind, row in KINDS.items() for unit in row.units.removesuffix(" and the like").split(", ")]
 
 
