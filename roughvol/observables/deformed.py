@@ -43,8 +43,8 @@ def numbers(heights: Array, spacing: float, *, periodic: bool = False) -> dict[s
     names = ("Sq", "Sa", "Ssk", "Sku", "Sp", "Sv", "Sz", "Svi", "Sbi")
     return {name: getattr(texture, name)(heights) for name in names} | {
         "Sdq": texture.Sdq(with_neighbours(heights, periodic), spacing),
-        "hurst_structure": texture.hurst_structure(heights, spacing, periodic=periodic),
-        "hurst_measured": texture.hurst_spectrum(heights, spacing, periodic=periodic),
+        "hurst_structure": texture.hurst_structure(heights, periodic=periodic),
+        "hurst_measured": texture.hurst_spectrum(heights, periodic=periodic),
     }
 
 

@@ -39,7 +39,7 @@ def of_surface(case: Case, surface: Surface) -> Values:
     """Return the numbers of the undeformed surface, its heights and texture if asked for, and the labels of nodes."""
     heights, spacing = surface.heights, surface.spacing
     values: Values = {"Sq": surface.Sq, "Sdq": texture.Sdq(surface.with_neighbours, spacing), "z_max": surface.z_max}
-    values["hurst_measured"] = texture.hurst_spectrum(heights, spacing, periodic=surface.periodic)
+    values["hurst_measured"] = texture.hurst_spectrum(heights, periodic=surface.periodic)
     rows, columns = surface.shape
     values |= {"nodes_x": rows, "nodes_y": columns}
     if fields_of(case.record) > 0:

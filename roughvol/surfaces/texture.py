@@ -165,7 +165,7 @@ def structure_function(heights: Array, lags: Index, *, periodic: bool = False) -
     return structure
 
 
-def hurst_structure(heights: Array, spacing: float = 1.0, *, periodic: bool = False) -> float:
+def hurst_structure(heights: Array, *, periodic: bool = False) -> float:
     """Return the Hurst exponent from `structure_function`, H = ½ d log S / d log l.
 
     Least squares over the lags l = 1, 2, 4, … δ up to an eighth of the shorter side (at least 1 and 2).
@@ -179,7 +179,7 @@ def hurst_structure(heights: Array, spacing: float = 1.0, *, periodic: bool = Fa
     structure = structure_function(about_mean_plane(heights)[0], lags, periodic=periodic)
     if structure.min() <= 0.0:
         return math.nan
-    return 0.5 * _slope(np.log(lags * spacing), np.log(structure))
+    return 0.5 * _slope(np.log(lags), np.log(structure))
 
 
 def dyadic_lags(longest: int) -> Index:
@@ -187,7 +187,7 @@ def dyadic_lags(longest: int) -> Index:
     return np.array([2**k for k in range(max(longest, 1).bit_length())], dtype=np.intp)
 
 
-def hurst_spectrum(heights: Array, spacing: float = 1.0, *, periodic: bool = False) -> float:
+def hurst_spectrum(heights: Array, *, periodic: bool = False) -> float:
     """Return the Hurst exponent from the power spectrum, C(q) ~ q^(-2-2H) in two dimensions.
 
     The heights about their weighted mean are multiplied by a parabolic (Welch) window. |FFT|² is averaged over eight
@@ -207,8 +207,10 @@ def hurst_spectrum(heights: Array, spacing: float = 1.0, *, periodic: bool = Fal
         unit -= float((window * unit).sum() / window.sum())
         unit *= window
     power = np.square(np.abs(np.fft.rfft2(unit)))
-    wave = 2.0 * np.pi * np.hypot(np.fft.fftfreq(rows, spacing)[:, None], np.fft.rfftfreq(columns, spacing))
-    lowest, highest = 4.0 * 2.0 * np.pi / (cells * spacing), 0.5 * np.pi / spacing
+    # Wave numbers over q₀. Those of a square period are whole, so no rounding decides whether a wave of 4 q₀ counts.
+    along_x, along_y = (np.rint(np.fft.fftfreq(nodes) * nodes) * (cells / nodes) for nodes in (rows, columns))
+    wave = np.hypot(along_x[:, None], along_y[: columns // 2 + 1])
+    lowest, highest = 4.0, 0.25 * cells
     used = (wave >= lowest) & (wave < highest)
     used[rows // 2 + 1 :, 0] = False  # rfft2 holds half the plane, and both halves of its first column
     wave, power = wave[used], power[used]

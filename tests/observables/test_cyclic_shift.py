@@ -89,7 +89,7 @@ def test_filling_and_outliers_reach_into_the_next_period(heights, rule, shift):
 def test_the_exponent_of_a_generated_period_is_that_of_its_law(hurst):
     """Amplitudes are those of the law; without a window nothing but the width of the rings is left."""
     made = power_law_surface(Spectrum(rolloff=1.0, cut=64.0, phases="random"), hurst, 128, side=1.0, seed=1)
-    assert texture.hurst_spectrum(made.heights, made.spacing, periodic=True) == pytest.approx(hurst, abs=0.01)
+    assert texture.hurst_spectrum(made.heights, periodic=True) == pytest.approx(hurst, abs=0.01)
 
 
 def test_structure_and_gradients_are_the_sums_over_the_waves_of_a_generated_period():

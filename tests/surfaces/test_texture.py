@@ -44,9 +44,9 @@ def test_flat_field():
     assert [getattr(texture, name)(FLAT) for name in ("Sq", "Sa", "Sp", "Sv", "Sz")] == [0.0] * 5
     assert texture.Sdq(FLAT, 1.0) == 0.0
     assert all(math.isnan(getattr(texture, name)(FLAT)) for name in ("Ssk", "Sku", "Svi", "Sbi"))
-    assert math.isnan(texture.hurst_structure(FLAT, 1.0))
-    assert math.isnan(texture.hurst_spectrum(np.zeros((40, 40)), 1.0))
-    assert math.isnan(texture.hurst_spectrum(rough(m=4), 1.0))  # too small
+    assert math.isnan(texture.hurst_structure(FLAT))
+    assert math.isnan(texture.hurst_spectrum(np.zeros((40, 40))))
+    assert math.isnan(texture.hurst_spectrum(rough(m=4)))  # too small
 
 
 def test_slope_is_exact_for_planes_and_scales():
@@ -102,27 +102,35 @@ def test_indices_of_a_gaussian_field():
 @pytest.mark.parametrize("shape", [(3, 3), (3, 50), (33, 40)])
 def test_structure_of_a_plane_has_exponent_one(shape):
     plane = np.add.outer(np.arange(shape[0]), 2.0 * np.arange(shape[1]))
-    assert texture.hurst_structure(plane, 0.1) == pytest.approx(1.0, abs=1e-12)
+    assert texture.hurst_structure(plane) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_exponents_of_white_noise():
     # S does not depend on the lag (H = 0) and C not on q (H = -1); standard errors of the means 2e-4 and 1.4e-2.
     fields = [gaussian(seed, 300) for seed in range(6)]
-    assert np.mean([texture.hurst_structure(z, 1.0) for z in fields]) == pytest.approx(0.0, abs=6e-4)
-    assert np.mean([texture.hurst_spectrum(z, 1.0) for z in fields]) == pytest.approx(-1.0, abs=3.5e-2)
+    assert np.mean([texture.hurst_structure(z) for z in fields]) == pytest.approx(0.0, abs=6e-4)
+    assert np.mean([texture.hurst_spectrum(z) for z in fields]) == pytest.approx(-1.0, abs=3.5e-2)
 
 
 @pytest.mark.parametrize(("shape", "periodic"), [((65, 65), True), ((64, 40), False)])
 def test_the_exponent_of_a_spectrum_has_no_direction(shape, periodic):
     z = rough(m=6)[: shape[0], : shape[1]]
-    turned = [texture.hurst_spectrum(field, 1.0, periodic=periodic) for field in (z, z.T, z[::-1], z[:, ::-1])]
+    turned = [texture.hurst_spectrum(field, periodic=periodic) for field in (z, z.T, z[::-1], z[:, ::-1])]
     assert turned == pytest.approx([turned[0]] * 4, rel=1e-10)
 
 
 @pytest.mark.parametrize("function", [texture.hurst_structure, texture.hurst_spectrum])
 def test_exponents_ignore_units(function):
     z = rough(m=6)
-    assert function(z * 1e-250, 100.0) == pytest.approx(function(z, 1.0), rel=1e-10)
+    assert function(z * 1e-250) == pytest.approx(function(z), rel=1e-10)
+
+
+def test_the_longest_wave_of_the_exponent_counts_on_every_period():
+    for nodes in range(32, 100):
+        z = np.resize(rough(m=7), (nodes, nodes))
+        wave = 10.0 * np.cos(2.0 * np.pi * 4.0 * np.arange(nodes) / nodes)
+        plain, *longer = (texture.hurst_spectrum(z + more, periodic=True) for more in (0.0, wave, wave[:, None]))
+        assert min(longer) > plain + 0.1, nodes
 
 
 @pytest.mark.parametrize(("law", "share"), [("std", 1.0), ("variance", 0.5)])
@@ -134,5 +142,5 @@ def test_midpoint_surfaces_have_the_exponent_of_their_law(D, law, share):
     """
     fields = [rough(seed, 8, D, law) for seed in range(6)]
     hurst = share * (3.0 - D)
-    assert np.mean([texture.hurst_spectrum(z, 1.0) for z in fields]) == pytest.approx(hurst, abs=0.09)
-    assert np.mean([texture.hurst_structure(z, 1.0) for z in fields]) == pytest.approx(hurst, abs=0.15)
+    assert np.mean([texture.hurst_spectrum(z) for z in fields]) == pytest.approx(hurst, abs=0.09)
+    assert np.mean([texture.hurst_structure(z) for z in fields]) == pytest.approx(hurst, abs=0.15)
