@@ -110,9 +110,9 @@ def diffusivity(view: View) -> Values:
 
 
 def quarters(gap: Array) -> list[Array]:
-    """Return the four quadrants of a field, row by row."""
-    rows, columns = (np.array_split(np.arange(nodes), [nodes // 2]) for nodes in gap.shape)
-    return [gap[np.ix_(row, column)] for row in rows for column in columns]
+    """Return the four quadrants of a field, row by row; of an odd number of nodes both halves have the middle node."""
+    rows, columns = ((slice(nodes - nodes // 2), slice(nodes // 2, None)) for nodes in gap.shape)
+    return [gap[row, column].copy() for row in rows for column in columns]
 
 
 def quadrants(view: View) -> Values:

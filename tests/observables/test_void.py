@@ -10,7 +10,7 @@ from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve
 from roughvol.contact.search import first_indentation
 from roughvol.gap import clusters, transport
-from roughvol.observables import levels
+from roughvol.observables import levels, void
 from roughvol.observables.variables import AXES
 from roughvol.study import Level, loads
 from tests.observables.kit import case_of, states_of
@@ -79,6 +79,14 @@ def test_a_quantity_is_computed_at_its_states_and_nowhere_else(result, states):
     assert float(result.transmissivity_conservation_error.max()) < 1e-10
     flux = np.hypot(*transport.conduction(states[4].gap(), 0).flux)
     assert_allclose(result.flux.sel(axis="x").squeeze("flux_at"), flux, rtol=1e-8)
+
+
+@pytest.mark.parametrize("shape", [(8, 8), (9, 9), (9, 12), (1, 1)])
+def test_quadrants_of_a_mirrored_map_are_the_mirrored_quadrants(shape):
+    gap = np.random.default_rng(0).random(shape)
+    turned = [part[::-1, ::-1] for part in void.quarters(gap)]
+    for part, other in zip(void.quarters(gap[::-1, ::-1]), reversed(turned), strict=True):
+        assert_array_equal(part, other)
 
 
 # Sweeps to the end of percolation
