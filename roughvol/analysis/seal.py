@@ -181,7 +181,8 @@ def _estimate(
     """Return a number of a seal with its interval."""
 
     def sheets(some: Array) -> Array:
-        pools = (some.ravel(), some.ravel()) if isotropic else (some[..., 0].ravel(), some[..., 1].ravel())
+        both = (some, some) if isotropic else (some[..., 0], some[..., 1])
+        pools = (np.sort(pool, axis=None) for pool in both)  # scans have no order
         return drawn(*pools, patches, of, together, draws)
 
     found, open_ = sheets(values), values > 0.0

@@ -107,6 +107,14 @@ def test_a_seal_closes_where_its_patches_do_although_one_of_two_never_closes() -
     assert math.isnan(found.high)
 
 
+@pytest.mark.parametrize("isotropic", [False, True])
+def test_the_order_of_scans_changes_no_seal(isotropic: bool) -> None:
+    values = patches(4, 1.0, 7)
+    for of in (seal.conductance_of, seal.closing_of):
+        found, turned = (of(some, (3, 5), isotropic=isotropic) for some in (values, values[[2, 0, 3, 1]]))
+        assert_allclose([turned.value, turned.low, turned.high], [found.value, found.low, found.high], rtol=1e-12)
+
+
 def test_one_scan_has_no_interval() -> None:
     found = seal.conductance_of(patches(1, 0.5, 8), (4, 240), isotropic=False)
     assert found.value > 0.0
