@@ -362,6 +362,7 @@ def record(answer: Answer, unknown: str) -> dict[str, Any]:
             "times_the_study": answer.times if answer.found else None,
             "nominal_pressure_at_the_study": nominal.value if answer.found else None,
             "nominal_pressure_interval": [nominal.low, nominal.high],
+            "nominal_pressure_unit": answer.load_unit,
         }
     return {name: finite(value) for name, value in found.items()}
 

@@ -451,6 +451,12 @@ def test_the_command_prints_digits_of_the_error_and_what_is_not_in_it(
     assert "times the Sq of the study" in sq
 
 
+def test_the_json_has_the_unit_of_the_pressure_at_the_study(swept: Dataset, folder: Path, largest: float) -> None:
+    question = ("--leak-rate", f"{largest} mm^3/s", "--for", "modulus", "--at", "p=1 kPa")
+    for answer in answered("ask", folder, *question)["answers"]:
+        assert answer["nominal_pressure_unit"] == swept["nominal_pressure"].attrs["units"]
+
+
 @pytest.mark.parametrize(
     ("value", "low", "high", "text"),
     [
