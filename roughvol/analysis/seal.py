@@ -181,9 +181,9 @@ def _estimate(
     """Return a number of a seal with its interval."""
 
     def sheets(some: Array) -> Array:
-        both = (some, some) if isotropic else (some[..., 0], some[..., 1])
-        pools = (np.sort(pool, axis=None) for pool in both)  # scans have no order
-        return drawn(*pools, patches, of, together, draws)
+        pools = (some, some) if isotropic else (some[..., 0], some[..., 1])
+        along, across = (np.sort(pool, axis=None) for pool in pools)  # scans have no order
+        return drawn(along, across, patches, of, together, draws)
 
     found, open_ = sheets(values), values > 0.0
     value = float(np.median(found))
