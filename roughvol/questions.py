@@ -95,7 +95,7 @@ def study_of(
     texts = changes_of(changes)
     if isinstance(study, str | Path):
         found, folder = run.study_of(study, texts)
-        if of_run and not any(text.startswith(run.HEIGHTS) for text in texts):
+        if of_run and not run.gives_heights(texts):
             run.check_heights(found, study)
         return found, folder
     if isinstance(study, Mapping):
@@ -674,8 +674,8 @@ def report_on(runs: Sequence[str | Path] = (), *, changes: Changes = ()) -> Repo
     for folder in () if found else run.with_results():
         try:
             found.append(StoredRun.open(folder, texts))
-        except DatasetError as error:
-            refused.append(str(error))
+        except (DatasetError, StudyError) as error:
+            refused.append(f"{folder}: {error}" if isinstance(error, StudyError) else str(error))
     judgement = judge(found or [StoredRun.open(None, texts)])
     return Reported(judgement, report_of(judgement), tuple(found), tuple(refused))
 

@@ -229,9 +229,11 @@ def _several(run: Dataset, names: Sequence[str]) -> str:
     held = ", ".join(axis.words(value).removeprefix(f"{name} = ") for value in run[name].values.tolist())
     message = f"the run has several {name} ({held}); allowed: surfaces of one kind at one value of each key"
     known = choices(study) if study else {}
-    changes = [[shlex.quote(known[one][label]) for label in run[one].values.tolist()] for one in names if one in known]
+    if not known.keys() >= set(names):  # a run of several D or m has none of one alone
+        return message
+    changes = [[shlex.quote(known[one][label]) for label in run[one].values.tolist()] for one in names]
     options = "; ".join(f"--set {' or '.join(of_one)}" for of_one in changes)
-    return f"{message}; one combination opens by a change of each key: {options}" if options else message
+    return f"{message}; one combination opens by a change of each key: {options}"
 
 
 def is_throughput(text: str) -> bool:

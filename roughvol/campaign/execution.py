@@ -46,6 +46,7 @@ def run(
     surface = check_surfaces(study, made)
     shape = surface.shape if surface is not None else None
     folder = folder_of(study, out)
+    study = same_study.spelled_as(study, same_study.stored_in(folder, study))
     cases = sample_plan.cases_of(study, folder)
     wanted = _wanted(study, cases, only)
     again = wanted if fresh else set()
@@ -145,6 +146,7 @@ def collect(study: Study | str | Path, out: str | Path | None = None) -> Dataset
     study = study if isinstance(study, Study) else load(study)
     register(study.record, study.ensemble)
     folder = folder_of(study, out)
+    study = same_study.spelled_as(study, same_study.stored_in(folder, study))
     cases = sample_plan.cases_of(study, folder)
     found = collection.finished(folder, cases)
     if not found.arrays:

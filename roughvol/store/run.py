@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 RUNS = Path("runs")
 RESULTS = "study.nc"
 STUDY_SUFFIXES = (".yaml", ".yml")
-HEIGHTS = ("surface.file", "surface.against", "surface=")  # changes that give other height files
+HEIGHTS = ("surface", "surface.file", "surface.files", "surface.against")  # keys of height files
 DATASETS = (".nc", ".nc4", ".cdf", ".h5")
 
 
@@ -69,7 +69,7 @@ class StoredRun:
         """The folder of its figures and pages: its folder, for a part of its lists one inside with their values."""
         from roughvol.store.variants import part_words
 
-        return self.folder / run_folder.slug(part_words(self.dataset))
+        return self.folder / run_folder.slug(part_words(self.dataset) if self.has_study else "")
 
     @property
     def has_study(self) -> bool:
@@ -139,13 +139,14 @@ def open(run: str | Path | None = None, *, changes: Changes = ()) -> Dataset:
 def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, Dataset, Study | None]:
     """Return the file of the results of a run, the results, and the study that the run was opened by."""
     from roughvol.store import dataset  # xarray: a second
+    from roughvol.store.variants import part_with
 
     check_type(run, (str, Path, type(None)), "a run is a name or a path")
     given: Study | None = None
     run = _latest() if run is None else run
     by_name = _folder_of_run(run) is not None
     if is_study_file(run) or (changes and is_run(run)):
-        given, folder = study_of(run, changes, stored=not any(change.startswith(HEIGHTS) for change in changes))
+        given, folder = study_of(run, changes, stored=not gives_heights(changes))
         files = [folder / RESULTS]  # of another name, where it is changed
     else:
         files = [Path(run), *(folder / RESULTS for folder in _folders(run))]
@@ -166,7 +167,7 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
     _check(file, results, given, str(run), call, is_part=bool(labels))
     if given is not None:
         _set_seal(results, given)
-    return file, results.sel(labels) if labels else results, None if by_name else given
+    return file, part_with(results, labels) if labels else results, None if by_name else given
 
 
 def _of_results(results: Dataset, given: Study) -> tuple[Study, dict[str, list[Label]]]:
@@ -183,6 +184,12 @@ def _of_results(results: Dataset, given: Study) -> tuple[Study, dict[str, list[L
 def _call(run: str, changes: Sequence[str]) -> str:
     """Return a run and the changes of its study as words of a shell."""
     return shlex.join([run, *(word for change in changes for word in ("--set", change))])
+
+
+def gives_heights(changes: Iterable[str]) -> bool:
+    """Return whether changes of a study give other height files."""
+    keys = (change.partition("=")[0].strip() for change in changes)
+    return any(key in HEIGHTS or key.startswith("surface.against.") for key in keys)
 
 
 def _set_seal(results: Dataset, given: Study) -> None:
@@ -345,7 +352,7 @@ def _check(file: Path, results: Dataset, given: Study | None, run: str, call: st
     if given is not None and (lines := _of_another_study(file, results, stored, given, is_part=is_part)):
         show = "" if within else f"; to see what the folder holds: roughvol show {_word(file.parent)}"
         cases = _cases(given, file.parent)
-        another = not cases or same_study.another_study(file.parent, given, cases)
+        another = same_study.another_study(file.parent, given, cases)
         beside = " --set name=OTHER, or --fresh, which replaces these results" if another else ""
         message = (
             f"{file} does not hold the results of {run} (stored → {run}):\n{_indented(lines)}\n"

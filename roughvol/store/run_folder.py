@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import hashlib
 import json
 import os
 import re
@@ -24,6 +25,8 @@ from typing import Any, NamedTuple
 from roughvol.errors import DatasetError, FolderError
 from roughvol.store import stamped_file
 from roughvol.study import Case, Study, check_type
+
+LONGEST = 150  # characters of a part of a file name
 
 MAX_BYTES = 1 << 20  # of the small text files read here
 QUICK_BYTES = 1 << 20  # size up to which `status` verifies a case file as well
@@ -49,8 +52,14 @@ def folder_of(study: Study, out: str | Path | None = None) -> Path:
 
 
 def slug(text: str) -> str:
-    """Return a text as part of a file name: letters, digits and ``=+-.`` as they are, runs of all others as ``_``."""
-    return re.sub(r"[^A-Za-z0-9=+.-]+", "_", text.replace(" = ", "=")).strip("_")
+    """Return a text as part of a file name: letters, digits and ``=+-.`` as they are, runs of all others as ``_``.
+
+    A text of more than `LONGEST` characters ends with a hash.
+    """
+    name = re.sub(r"[^A-Za-z0-9=+.-]+", "_", text.replace(" = ", "=")).strip("_")
+    if len(name) <= LONGEST:
+        return name
+    return f"{name[: LONGEST - 9]}_{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
 def case_file(folder: Path, id: str) -> Path:

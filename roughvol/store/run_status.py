@@ -83,7 +83,7 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
     """
     study = study if isinstance(study, Study) else load(study)
     folder = folder_of(study, out)
-    whole = _whole(folder, study)  # the study may have some combinations of its lists
+    whole = same_study.stored_in(folder, study)  # the study may have some combinations of its lists
     study = same_study.spelled_as(study, whole)
     cases = sample_plan.cases_of(study, folder)
     if another := same_study.another_study(folder, study, cases):
@@ -107,17 +107,6 @@ def status(study: Study | str | Path, out: str | Path | None = None) -> Status:
     versions = dict(Counter(done.values()))
     by_id = tuple(done), missing, damaged, collected, running, failed
     return Status(folder, *by_id, len(strange), outdated, versions, holder, left)
-
-
-def _whole(folder: Path, study: Study) -> Study:
-    """Return the study that a folder stores; without a readable one the study itself."""
-    text = run_folder.stored_study(folder)
-    if text in (None, study.stored()):
-        return study
-    try:
-        return loads(str(text), stored=True)
-    except StudyError:
-        return study
 
 
 def of_results(folder: Path) -> Status | None:

@@ -31,8 +31,8 @@ def another_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> str 
             reasons = differences(loads(text, file=folder / "study.yaml", stored=True), study)
         except StudyError as error:
             reasons = [f"its study.yaml cannot be read: {error}"]
-    first = next(iter(cases.values()))
-    if not reasons and first.bodies and (strange := _of_other_heights(folder, cases)):
+    first = next(iter(cases.values()), None)
+    if not reasons and first is not None and first.bodies and (strange := _of_other_heights(folder, cases)):
         files = " and ".join(str(body.file) for body in first.bodies)
         reasons = [f"surface.file: the content of {files} is not that of {strange}"]
     if not reasons:
@@ -83,6 +83,17 @@ def differences(old: Study, new: Study) -> list[str]:
 def changed_keys(old: Study, new: Study) -> list[str]:
     """Return the keys of two studies that differ and may change a number, with both values; a line each."""
     return _changed(_keys(old), _keys(new), WORDS)
+
+
+def stored_in(folder: Path, study: Study) -> Study:
+    """Return the study that a folder stores; without a readable one the study itself."""
+    text = stored_study(folder)
+    if text in (None, study.stored()):
+        return study
+    try:
+        return loads(str(text), stored=True)
+    except StudyError:
+        return study
 
 
 def spelled_as(study: Study, stored: Study) -> Study:

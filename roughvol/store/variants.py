@@ -166,6 +166,19 @@ def part_words(results: Dataset) -> str:
     return ", ".join(axis.words(label) for axis, labels in parts for label in labels)
 
 
+def part_with(results: Dataset, labels: Mapping[str, Sequence[float | str]]) -> Dataset:
+    """Return the combinations of results that have some labels of lists, without the lines of others in attributes."""
+    part, study = results.sel(labels), study_in(results)
+    others = tuple(
+        f" ({variant.words})"
+        for variant in (study.variants if study else ())
+        if any(variant.labels[name] not in kept for name, kept in labels.items())
+    )
+    held = {name: str(part.attrs[name]).splitlines() for name in IN_LINES if name in part.attrs}
+    lines = {name: [line for line in every if not line.endswith(others)] for name, every in held.items()}
+    return part.assign_attrs({name: "\n".join(kept) for name, kept in lines.items()})
+
+
 def of_one_combination(results: Dataset) -> Dataset:
     """Return results of one combination as those of its study without lists; others unchanged."""
     parts = parts_of(results)

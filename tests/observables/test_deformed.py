@@ -50,14 +50,6 @@ def pressed():
     return surface, half_space, solve(surface, half_space, 2.0, rtol=1e-9)
 
 
-@pytest.mark.parametrize("periodic", [False, True])
-def test_exponents_do_not_depend_on_the_unit_of_lengths(periodic):
-    z = np.random.default_rng(0).normal(size=(33, 33))
-    spacings = np.geomspace(1e-9, 1e3, 60)
-    found = [deformed.numbers(z, spacing, periodic=periodic)["hurst_measured"] for spacing in spacings.tolist()]
-    assert_allclose(found, found[0], rtol=1e-12)
-
-
 def test_the_deformed_surface_is_the_rough_one_less_the_displacement(pressed):
     surface, half_space, contact = pressed
     view = View(_case(), surface, contact, half_space)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import roughvol
-from roughvol.store import StoredRun, same_study
+from roughvol.store import StoredRun, run_folder, same_study
 from roughvol.study import loads
 from roughvol.study.axes import choices
 from tests.kit import call, refused, said
@@ -207,7 +207,11 @@ def test_changes_without_a_run_are_those_of_the_latest_run_and_of_each_run(many:
     assert said("show", *given) == said("show", "many", *given) != said("show")
     assert said("plot", "v_of_p", *given) == said("plot", "many", "v_of_p", *given)
     shutil.copytree(many, "runs/other")
-    assert [run.pages.name for run in roughvol.report_on(changes=CHANGES).runs] == [PART, PART]
+    Path("alone.yaml").write_text(f"name: alone\n{TEXT}", encoding="utf-8")  # without a height file
+    roughvol.run("alone.yaml", jobs=1)
+    found = roughvol.report_on(changes=CHANGES)
+    assert [run.pages.name for run in found.runs] == [PART, PART]
+    assert [text.partition(":")[0] for text in found.refused] == ["runs/alone"]
 
 
 def test_the_status_of_a_part_counts_the_cases_of_the_run_as_its_own(
@@ -227,6 +231,28 @@ def test_the_command_of_an_answer_repeats_the_changes_of_its_run(many: Path) -> 
     assert roughvol.ask(changes=CHANGES).command() == asked.command()  # of the latest run
 
 
+def test_the_attributes_of_a_part_have_the_lines_of_its_combinations(many: Path) -> None:
+    whole, part = (roughvol.open("many", changes=changes).attrs["region"] for changes in ((), CHANGES[3:]))
+    assert "interior" in whole
+    assert part.splitlines() == [line for line in whole.splitlines() if "interior" not in line]
+
+
+def test_results_that_share_no_case_are_kept_from_a_run(many: Path, of_lists: Path) -> None:
+    shutil.copy(of_lists / "heights.txt", "heights.txt")
+    assert "--set sweep.steps=4 --set name=OTHER, or --fresh" in refused("show", "many", "--set", "sweep.steps=4")
+    message = refused("show", "many", "--set", "material.nu=0.4")  # starred numbers of a half space have no modulus
+    assert "to compute them: roughvol run many --set material.nu=0.4; to see" in message
+    said("run", "many", "--set", "material.nu=0.4", "--jobs", "1")
+
+
+@pytest.mark.parametrize("text", ["E = 5 MPa, " * 100, "a" * 151])
+def test_a_part_of_a_file_name_has_a_limit(text: str) -> None:
+    name = run_folder.slug(text)
+    assert len(name) == run_folder.LONGEST
+    assert name != run_folder.slug(f"{text}b")
+    assert run_folder.slug("E = 5 MPa, m = 3") == "E=5_MPa_m=3"
+
+
 def test_a_moved_run_of_height_files_opens_in_parts(many: Path, of_lists: Path) -> None:
     part = roughvol.open("many", changes=CHANGES)
     moved = many.rename("moved")
@@ -244,8 +270,10 @@ def test_a_run_of_a_part_says_that_study_nc_has_its_cases_alone(
 ) -> None:
     shutil.copytree(of_lists, tmp_path / "here")
     monkeypatch.chdir(tmp_path / "here")
-    done = call("run", "many.yaml", *(word for change in CHANGES for word in ("--set", change)), "--jobs", "1")
+    spelled = [change.replace("0.4 MPa", "400 kPa") for change in CHANGES]
+    done = call("run", "many.yaml", *(word for change in spelled for word in ("--set", change)), "--jobs", "1")
     assert done.exit_code == 0, done.output
+    assert roughvol.open("many", changes=CHANGES)["mean_pressure"].size > 0  # the run has the values as they were
     assert (
         "runs/many/study.nc gets the cases of this study alone; runs/many/cases keeps files of other cases: "
         in done.stderr
