@@ -29,7 +29,8 @@ def drawing_of(over_time: History, run: Dataset) -> Drawing:
                 ax.fill_between(over_time.seconds, least, most, color=look["color"], alpha=0.18, lw=0)
             closed = np.flatnonzero(leak.open == 0)
             if closed.size:
-                ax.axvline(float(over_time.seconds[closed[0]]), ls=":", lw=0.7, color=look["color"])
+                first = float(over_time.seconds[closed[0]])
+                ax.axvline(first, ls=":", lw=0.7, color=look["color"], label=f"closed along ${axis}$ from here on")
         ax.set(xscale="log", yscale="log", xlabel="time under load [s]")
         ax.set_ylabel(f"leak [{unit_text(over_time.leak_unit)}]")
         load = f"at {over_time.pressure:.4g} {unit_text(over_time.pressure_unit)}"
