@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import roughvol
+from roughvol.report.figures.style import Drawing
 from roughvol.store import StoredRun, run_folder, same_study
 from roughvol.study import loads
 from roughvol.study.axes import choices
@@ -202,10 +203,17 @@ def test_the_figures_and_pages_of_a_part_lie_beside_those_of_the_run(many: Path)
     assert made == {f"{PART}/{name}" for name in names}
 
 
+def _note_of(drawn: Drawing) -> str:
+    return " ".join(" ".join(text.get_text().split()) for text in drawn.texts)
+
+
 def test_changes_without_a_run_are_those_of_the_latest_run_and_of_each_run(many: Path) -> None:
     given = [word for change in CHANGES for word in ("--set", change)]
     assert said("show", *given) == said("show", "many", *given) != said("show")
     assert said("plot", "v_of_p", *given) == said("plot", "many", "v_of_p", *given)
+    drawn = roughvol.plot("many", "v_of_p", changes=CHANGES[1:])  # the level is varied, all else is shared
+    assert [line.get_label() for line in drawn.axes[0].get_lines()][:2] == ["level = none", "level = tilt"]
+    assert "Run many, thickness = 50 um, pressure=0.4 MPa, region = whole: level = none" in _note_of(drawn)
     shutil.copytree(many, "runs/other")
     Path("alone.yaml").write_text(f"name: alone\n{TEXT}", encoding="utf-8")  # without a height file
     roughvol.run("alone.yaml", jobs=1)

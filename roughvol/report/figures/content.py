@@ -49,7 +49,7 @@ from roughvol.report.figures.style import (
     plain_ticks,
     unit_text,
 )
-from roughvol.store.variants import parts_of, study_in
+from roughvol.store.variants import Part, parts_of, study_in
 
 _TABLE = tomllib.loads(Path(__file__).with_name("figures.toml").read_text(encoding="utf-8"))["content"]
 DRAWN: tuple[str, ...] = tuple(_TABLE["drawn"])
@@ -83,11 +83,24 @@ class Named:
 
 
 def parts(stored: Sequence[tuple[str, Dataset]]) -> list[Named]:
-    """Return the runs to overlay of datasets and their names: one for each combination of the lists of a study."""
+    """Return the runs to overlay of datasets and their names: one for each combination of the lists of a study.
+
+    Of one study the words that all combinations share stand with the run.
+    """
     found = [(name, part) for name, ds in stored for part in parts_of(ds)]
-    if len(stored) == 1:
+    if len(stored) > 1:
+        return [Named(", ".join(filter(None, (name, part.words))), part.dataset) for name, part in found]
+    if len(found) == 1:
         return [Named(part.words or name, part.dataset, name if part.words else "") for name, part in found]
-    return [Named(", ".join(filter(None, (name, part.words))), part.dataset) for name, part in found]
+    study, (name, ds) = study_in(stored[0][1]), stored[0]
+    axes = study.axes if study else ()
+
+    def words(part: Part, *, shared: bool) -> str:
+        chosen = (axis for axis in axes if (ds.sizes[axis.name] == 1) == shared)
+        return ", ".join(axis.words(part.labels[axis.name]) for axis in chosen)
+
+    runs = ", ".join(filter(None, (name, words(found[0][1], shared=True))))
+    return [Named(words(part, shared=False), part.dataset, runs) for _, part in found]
 
 
 def missing(name: str, runs: Sequence[Named]) -> str | None:
