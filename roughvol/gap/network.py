@@ -5,10 +5,10 @@ pressures with the same ends dissipate more (Dirichlet). Their excess is the squ
 energy, and it is the error of the flow. Conjugate gradients, preconditioned by multigrid, lower the dissipation step by
 step. For a matrix A, its preconditioner M and the inflow r that is left, the excess is r A⁻¹ r ≤ r M r/λ with the
 smallest eigenvalue λ of M A. The steps know λ as the smallest Ritz value (Strakoš & Tichý, Electronic Transactions on
-Numerical Analysis 13 (2002) 56-80; Meurant & Tichý, Acta Numerica 33 (2024) 487-696). The next step leaves at most
-((Λ - λ)/(Λ + λ))² of the excess, as a step of steepest descent does, with the largest eigenvalue Λ of M A (Quarteroni,
-Sacco & Saleri, Numerical Mathematics, Springer 2000, eq. 4.38). A Ritz value may still be too large, so the excess is
-an estimate; flow.md compares it with exact flows.
+Numerical Analysis 13 (2002) 56-80; Meurant & Tichý, Acta Numerica 33 (2024) 487-696). With the
+largest eigenvalue Λ of M A, a step leaves at most ((Λ - λ)/(Λ + λ))² of the excess. This holds for steepest descent
+(Quarteroni, Sacco & Saleri, Numerical Mathematics, Springer 2000, eq. 4.38). Conjugate gradients leave no more. A Ritz
+value may still be too large, so the excess is an estimate. flow.md compares it with exact flows.
 """
 
 from collections.abc import Callable
@@ -30,9 +30,9 @@ REFINED = 1e-7  # accuracy from which on residuals are taken from the flows, and
 LOST = 1e5  # fall of a dissipation, after which residuals have lost digits that count
 ROUNDING = 1e-12  # least excess over the dissipation at the start of a solve; the next solve takes it off
 SOLVES = 3  # the first solves, the second gives u the digits that P has not, the third takes rounding off
-CAUTION = 3.0  # the smallest Ritz value is above the eigenvalue; flow.md has the errors with 1 and 3
-SMALLEST = 0.4  # eigenvalue of M A on wide gaps, until a step meets a smaller one
-LARGEST = 2.0  # eigenvalue of M A where cycles alone converge
+CAUTION = 3.0  # the smallest Ritz value is above the eigenvalue. flow.md has the errors with 1 and 3.
+SMALLEST = 0.4  # eigenvalue of M A on wide gaps, until a step meets a smaller one.
+LARGEST = 2.0  # eigenvalue of M A, where cycles alone converge.
 TINY = np.finfo(np.float64).tiny
 DIGITS = 1e-12  # of the energy of pressures that are wanted for themselves, six of the pressures
 

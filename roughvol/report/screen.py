@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from xarray import Dataset, Variable
+from xarray import Dataset
 
 from roughvol.analysis import leak
 from roughvol.analysis.at import RULE, State, at, legs_of
@@ -24,7 +24,7 @@ from roughvol.errors import DatasetError, warn
 from roughvol.observables.stiffness import stiffness_exponent, without_every_second
 from roughvol.observables.variables import STATES
 from roughvol.report.run_facts import closing
-from roughvol.report.states import Numbers, P, Row, States, every_step, of_all
+from roughvol.report.states import Columns, P, Row, States, every_step, of_all
 from roughvol.store.variants import parts_of
 from roughvol.study import Level, Quantity, parse
 from roughvol.study.plain_data import finite
@@ -202,7 +202,7 @@ def records(run: Run, levels: Sequence[Level] = ()) -> Records:
     named = [(part, _named(part, common, steps=True, recorded=bool(levels))) for part in run.parts]
     rows, absent = list[dict[str, Any]](), list[str]()
     states = [row for level in levels for row in _reaching(named, level, absent)]
-    every: list[list[tuple[State, Mapping[str, Numbers | Variable]]]]
+    every: list[list[tuple[State, Columns]]]
     for own, (part, some) in zip(labels, named, strict=True):
         if levels:
             every = [[(state, by_direction(state.data))] for of, _, state in states if of is part]
@@ -230,9 +230,7 @@ def _is_of_steps(variable: Any) -> bool:
     return "step" in variable.dims and set(variable.dims) <= {"seed", "step"} and variable.dtype.kind in "fib"
 
 
-def _of_each_surface(
-    states: Sequence[tuple[State, Mapping[str, Numbers | Variable]]], names: Sequence[str]
-) -> Iterator[dict[str, Any]]:
+def _of_each_surface(states: Sequence[tuple[State, Columns]], names: Sequence[str]) -> Iterator[dict[str, Any]]:
     """Yield the numbers of each surface at the states that it reaches or has closed before."""
     surfaces = states[0][0].data.sizes["seed"]
     values = []

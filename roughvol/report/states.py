@@ -41,12 +41,15 @@ class Numbers(NamedTuple):
     attrs: Mapping[str, Any]
 
 
+Columns = Mapping[str, Numbers | Variable]
+
+
 class Row(NamedTuple):
     """A state: the words in front of its numbers, the numbers by direction, and the name of its run or group."""
 
     labels: tuple[str, ...]
     state: State
-    data: Mapping[str, Numbers | Variable]
+    data: Columns
     name: str = ""
 
 
@@ -162,8 +165,6 @@ def head(name: str, attrs: Mapping[str, Any], surfaces: int = 1) -> str:
 
 def of_all(values: Array, surfaces: int) -> Array:
     """Return the numbers of all surfaces, missing for those that are not at a state."""
-    if values.size == surfaces:
-        return values
     every = np.full(surfaces, np.nan)
     every[: values.size] = values
     return every
