@@ -18,6 +18,9 @@ free volume. Solves end on this number and on nothing else.
 docs/explanation/solver.md has the method and its equations.
 """
 
+from __future__ import annotations
+
+import copy
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -31,6 +34,7 @@ from roughvol.contact.problem import LIGHT, LIGHT_ROUGH, ROUNDING, TENSILE, Prob
 from roughvol.contact.state import Compliance, Contact, Estimated, Leg, State
 from roughvol.errors import ContactError
 from roughvol.surfaces.surface import Surface
+from roughvol.typing import Array
 
 SOLVERS = {"fast": solve_indentation, "paper": solve_paper}
 
@@ -246,6 +250,19 @@ class Trials:
             self.problem = self.problem.on(leg.after(state, error) if turned else leg)
         self.least: Contact | None = None
         self.untouched = self.apart(self.problem.touch)
+
+    def lowered(self, depth: Array) -> Trials:
+        """Return the trials on the surface whose elements lie lower by a depth over σ, flat."""
+        trials = copy.copy(self)
+        trials.problem, trials.least = self.problem.on(Leg(self.problem.law, depth)), None
+        trials.untouched = trials.apart(trials.problem.touch)
+        return trials
+
+    def moved(self, contact: Contact, before: Trials) -> Contact:
+        """Return a contact of the trials before, moved with the mean plane of the surface: a start, no solved state."""
+        state = self.problem.moved(contact._state, before.problem)
+        state.indentation += float(before.problem.heights.mean() - self.problem.heights.mean())
+        return self.problem.record(state)
 
     def apart(self, indentation: float) -> Contact:
         """Return the state without contact at an indentation, at or below the first touch."""

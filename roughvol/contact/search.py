@@ -340,29 +340,36 @@ def _between(trials: Trials, excess: Callable[[Contact], float], near: Contact, 
     raise ContactError(f"no indentation found in {SOLVES} solves; the last was {far.approach:.9g}")
 
 
-def state_under(trials: Trials, pressure: float, guess: float) -> Contact:
-    """Return the state of elastic contact with a mean pressure p* > 0, from a guess of its indentation (Δ'/σ)."""
+def state_under(
+    trials: Trials, pressure: float, guess: float, begin: Contact | None = None, stiffness: float | None = None
+) -> Contact:
+    """Return the state of elastic contact with a mean pressure p* > 0, from a guess of its indentation (Δ'/σ).
+
+    The first solve starts from `begin`, the second indentation follows from the stiffness dp*/d(Δ'/σ), where known.
+    """
     bracket, near, start = Bracket([trials.untouched]), list[Contact](), trials.problem.touch
     indentation = guess if guess > start else start + 1e-3
     for _ in range(SOLVES // 2):
-        state = trials.at(indentation, *_around(indentation, [trials.untouched, *near]))
+        known = near or [begin] if begin is not None else near
+        state = trials.at(indentation, *_around(indentation, [trials.untouched, *known]))
         near = sorted([state, *near], key=lambda known: abs(known.mean_pressure - pressure))[:3]
         if abs(state.mean_pressure - pressure) <= LOAD * pressure:
             return state
         bracket.add(state, state.mean_pressure >= pressure)
         if bracket.beyond and bracket.width <= 4e-15 * bracket.beyond[0].approach:
             return bracket.beyond[0]
-        indentation = _secant(pressure, near, bracket)
+        indentation = _secant(pressure, near, bracket, stiffness)
     message = f"no state with p* = {pressure:.9g} found"
     raise ConvergenceError(message, indentation=indentation, iterations=SOLVES // 2, residual=math.nan)
 
 
-def _secant(pressure: float, near: list[Contact], bracket: Bracket) -> float:
+def _secant(pressure: float, near: list[Contact], bracket: Bracket, stiffness: float | None) -> float:
     """Return the indentation on the line through the nearest two states, or between the bracket."""
     below, above = bracket.short[0], bracket.beyond[0] if bracket.beyond else None
+    nearest, rate = near[0], 1.0 / stiffness if stiffness else None
     if len(near) > 1 and near[0].mean_pressure != near[1].mean_pressure:
-        nearest, next_nearest = near[:2]
-        rate = (next_nearest.approach - nearest.approach) / (next_nearest.mean_pressure - nearest.mean_pressure)
+        rate = (near[1].approach - nearest.approach) / (near[1].mean_pressure - nearest.mean_pressure)
+    if rate is not None:
         wanted = nearest.approach + rate * (pressure - nearest.mean_pressure)
         most = above.approach if above is not None else LOAD_GROWTH * near[0].approach + 1.0
         if below.approach < wanted < most:

@@ -51,10 +51,10 @@ from roughvol.study import Scale
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array
 
-RTOL = 1e-8  # largest η/σ of the contacts: the fixed point needs digits
+RTOL = 1e-10  # largest η/σ of the contacts: the fixed point needs digits
 ACCURACY = 1e-6  # of P over the pressure drop, the largest change of an element in a round
 STEP = 0.25  # largest rise of the inlet over the load from state to state
-ROUNDS = 40  # solves of the contact in a step
+ROUNDS = 80  # solves of the contact in a step
 TRUST = 0.25  # largest error of the linear F over the change of P that is left
 OPENS = 1e-3  # share of the load on a contact that is about to be lost
 SOFTER = tuple(10.0**-digit for digit in range(1, 8))  # conductances of closed elements on the way to `LEAST`
@@ -74,6 +74,8 @@ class Lifted:
     pressure: Array
     rounds: int
     residual: float
+    contact: Contact
+    trials: Trials
 
     @property
     def fluid_share(self) -> float:
@@ -141,30 +143,30 @@ class Coupling:
         self.surface, self.half_space, self.axis = surface, half_space, axis
         self.inlet, self.outlet, self.rtol = inlet, outlet, rtol
         self.drop = inlet - outlet
+        self.trials = Trials(surface, half_space, rtol=rtol)
 
     def fluid_in(self, gap: Array) -> Array:
         """Return P of the flow through a gap, in the unit of p*."""
         shape = FluidField(gap, self.axis, periodic=self.surface.periodic).pressure
         return self.outlet + self.drop * shape
 
-    def under(self, fluid: Array, load: float, near: Contact) -> Lifted:
+    def under(self, fluid: Array, load: float, near: Contact | Lifted, stiffness: float | None = None) -> Lifted:
         """Return the contact under a fluid pressure [p*], at a load that is the mean of the total pressure.
 
-        The indentation is guessed from a contact near it. `Opening` if the fluid alone carries more than the load.
+        The search starts from a contact near it, whose stiffness dp*/d(Δ/σ) may be known. `Opening` if the fluid alone
+        carries more than the load.
         """
         excess = load - float(fluid.mean())
         if not excess > 0.0:
             message = f"the mean fluid pressure is p* = {fluid.mean():.6g}; allowed: below the load, p* = {load:.6g}"
             raise Opening(message)
-        surface, per_p = self.surface, 1.0 / (np.pi * self.surface.intervals[0])
-        lift = self.displacement((fluid * per_p).ravel()).reshape(surface.shape)
-        lowered = Surface(surface.heights - surface.unit * (lift - lift.mean()), surface.spacing, sides=surface.sides)
-        ratio = lowered.unit / surface.unit
-        shift = (lowered.z_max - lowered.mean_height - surface.z_max + surface.mean_height) / surface.unit
-        trials = Trials(lowered, self.half_space, rtol=self.rtol)
-        state = state_under(trials, excess / ratio, (near.approach + shift) / ratio)
-        gap = state.gap() * ratio
-        return Lifted(gap, fluid, fluid + state.pressure() * ratio, 1, state.residual * ratio)
+        trials = self.trials.lowered(self.displacement((fluid / (np.pi * self.surface.intervals[0])).ravel()))
+        begin = (
+            trials.moved(near, self.trials) if isinstance(near, Contact) else trials.moved(near.contact, near.trials)
+        )
+        guess = begin.approach + ((excess - begin.mean_pressure) / stiffness if stiffness else 0.0)
+        state = state_under(trials, excess, guess, begin, stiffness)
+        return Lifted(state.gap(), fluid, fluid + state.pressure(), 1, state.residual, state, trials)
 
     def one_way(self, load: float, dry: Contact) -> Lifted:
         """Return the contact under the fluid pressure of the dry gap, to first order in the fluid pressure."""
@@ -242,7 +244,7 @@ class Coupling:
             trial = fluid + change
             error = np.inf
             if trial.mean() < load:
-                there = Round(self, self.under(trial, load, near), least)
+                there = Round(self, self.under(trial, load, here.state, here.stiffness), least)
                 error = float(np.linalg.norm(there.left - expected)) / here.norm
             elif load - fluid.mean() <= OPENS * load and (fluid + here.left).mean() >= load:
                 raise Opening(f"contact is lost at an inlet of p* = {self.inlet:.6g}")
@@ -284,6 +286,12 @@ class Round:
     def _response(self) -> Response:
         """The linear response of the contact."""
         return Response(self._coupling.half_space, self._closed)
+
+    @property
+    def stiffness(self) -> float:
+        """dp*/d(Δ/σ) of the contact."""
+        coupling = self._coupling
+        return float(np.pi * coupling.surface.intervals[0] * self._response.rates.sum() / self.state.gap.size)
 
     def step(self, drag: float) -> tuple[Array, Array]:
         """Return the change x of P with (1 + drag) x - F' x = F(P) - P, and F(P) - P after it by the linear F."""

@@ -14,6 +14,7 @@ from roughvol.gap.transport import conduction
 from roughvol.observables import coupling
 from roughvol.observables.coupling import Coupling
 from roughvol.surfaces.midpoint import random_midpoint_displacement
+from roughvol.surfaces.surface import Surface
 from tests.bench.wavy_channel import Channel
 from tests.observables.kit import answer
 
@@ -70,6 +71,22 @@ def test_the_load_is_kept_and_pressures_balance(pressed):
     assert 0.0 < state.fluid_share < 0.5
     assert (state.gap == 0.0).mean() < dry.contact_area_fraction
     assert _flow(state.gap) > _flow(dry.gap())
+
+
+@pytest.mark.parametrize("stiffness", [None, 1.0])
+def test_the_contact_under_a_fluid_pressure_is_that_of_the_lowered_surface(pressed, stiffness):
+    surface, half_space, dry = pressed
+    both = Coupling(surface, half_space, 0, 0.5)
+    fluid = both.fluid_in(dry.gap())
+    lift = half_space.displacement(fluid / (np.pi * surface.intervals[0])) * surface.unit
+    lowered = Surface(surface.heights - lift, surface.spacing, sides=surface.sides)
+    ratio = lowered.unit / surface.unit
+    cold = state_under(Trials(lowered, half_space, rtol=1e-11), (LOAD - float(fluid.mean())) / ratio, 1.0)
+    first = both.under(0.5 * fluid, LOAD, dry)
+    for near in (dry, first):
+        state = both.under(fluid, LOAD, near, stiffness)  # a wrong stiffness costs solves alone
+        assert_allclose(state.gap, cold.gap() * ratio, atol=1e-8)
+        assert_allclose(state.pressure, fluid + cold.pressure() * ratio, atol=1e-5)
 
 
 def test_one_way_is_the_first_order_of_the_coupling(pressed):
