@@ -185,11 +185,10 @@ def state_at(run: Run, group: Dataset, level: Level) -> State:
         return closed
     reach = reach or group["step"].values.astype(float).tolist()
     unit = f" {level.value.unit}" if isinstance(level.value, Quantity) else ""
-    message = (
+    raise DatasetError(
         f"{run.name} has no state at {level.label}: its steps have {level.kind} {number(min(reach))} to "
         f"{number(max(reach))}{unit}"
     )
-    raise DatasetError(message)
 
 
 def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach: list[float]) -> State | None:
@@ -406,11 +405,10 @@ def _leak(run: Run, part: Dataset, k: int, level: Level) -> tuple[Array, float]:
     assert level.value is not None
     unit = level.value.unit if isinstance(level.value, Quantity) else ""
     if leak.is_lifted(part):
-        message = (
+        raise DatasetError(
             f"{run.name} has its leak under fluid pressure at recorded states alone: a state of {level.kind} is not "
             "known; allowed: loads of record.fluid_pressure.at"
         )
-        raise DatasetError(message)
     if LEAK not in part:
         raise DatasetError(f"{run.name} has no {LEAK}: add record.dimensional.leak_rate to its study")
     rates = part[LEAK].isel(seed=k).sel(axis=_axes(level)).transpose("axis", "step")

@@ -102,11 +102,10 @@ _held: HalfSpaces = {}  # of a worker process: the half space of its last case
 def run_task(task: Task, tell: Callable[[tuple[str, int]], None], stopping: Callable[[], bool]) -> bytes | None:
     """Return the content of the file of a case, run in a worker; None if it was stopped and has stored its steps."""
     if task.answers != one_case.ANSWER_FORMAT:
-        message = (
+        raise CampaignError(
             f"the worker on {platform.node()} has roughvol {__version__} with answers of format "
             f"{one_case.ANSWER_FORMAT}, here {task.answers}; start workers with the version of this run"
         )
-        raise CampaignError(message)
     told = 0.0
 
     def on_step(step: int) -> None:

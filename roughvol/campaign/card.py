@@ -122,11 +122,9 @@ def _recordable(study: Study, at: Level) -> Level:
     """Return a level as a study records it; refuse a leg that the sweep has not, and a level that is no load."""
     legs = study.sweep.legs
     if at.leg is not None and at.leg > len(legs):
-        message = f"--at {at.label}: the sweep has no leg {at.leg}; allowed: 1 to {len(legs)}"
-        raise refused(message)
+        raise refused(f"--at {at.label}: the sweep has no leg {at.leg}; allowed: 1 to {len(legs)}")
     if at.kind.startswith("leak_rate"):
-        message = f'--at {at.label} is a leak rate: roughvol ask --leak-rate "{at.value}" finds its pressure'
-        raise refused(message)
+        raise refused(f'--at {at.label} is a leak rate: roughvol ask --leak-rate "{at.value}" finds its pressure')
     if at.kind == "step":
         message = f"--at {at.label}: each grid has another load at a step; allowed: last, or a load as pressure=0.3"
         raise refused(message)

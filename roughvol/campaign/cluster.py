@@ -35,12 +35,11 @@ def check_address(scheduler: str) -> None:
     check_type(scheduler, str, "the scheduler's address is text", refused)
     match = _ADDRESS.fullmatch(scheduler)
     if match is None or not 0 < int(match["port"]) < 1 << 16:
-        message = (
+        raise refused(
             f"the scheduler's address is {scheduler!r}; "
             "allowed: host:port or protocol://host:port, as in tcp://127.0.0.1:8786, with a protocol of "
             f"{', '.join(PROTOCOLS)}"
         )
-        raise refused(message)
 
 
 class Cluster:
@@ -81,11 +80,10 @@ class Cluster:
         if self._threads:
             self._last_seen = now
         elif self._last_seen is not None and now - self._last_seen > GONE:
-            message = (
+            raise CampaignError(
                 f"the scheduler has had no worker for {GONE:.0f} s, after it had some; "
                 "what is finished is kept, run again to go on"
             )
-            raise CampaignError(message)
         while not self._inbox.empty():
             message = self._inbox.get()
             yield tuple(message) if isinstance(message, list) else message  # tuples may arrive as lists

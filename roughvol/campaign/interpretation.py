@@ -67,9 +67,7 @@ def text(surface: Surface, case: Case, cases: int = 1) -> str:
         lines.append(f"{count} removed; z_max/Sq was {surface.peak_before:.3g} and is {surface.peak:.3g}")
     steps = treatment.steps(case.treatment, case.length_unit)
     lines += [f"step {number}: {step}" for number, step in enumerate(steps, 1)]
-    for body in case.bodies[1:]:
-        turned = f", its axis {body.mirror} reversed" * (body.mirror != "none")
-        lines.append(f"heights of {body.file.name} added{turned}")
+    lines += [body.added for body in case.bodies[1:]]
     first, *others = lines
     return "\n".join([f"# {first}", *(f"#         {line}" for line in others)])
 

@@ -209,11 +209,10 @@ def _level(target: Level, surface: Surface, *, plastic: bool = False, first: boo
         return Level("indentation", indentation)
     deepest = _plane(Level("mean-plane"), surface)
     if indentation > deepest * (1.0 + 1e-12):
-        message = (
+        raise ContactError(
             f"a sweep to {target.label} would end at Δ/σ = {indentation:.6g}; allowed on a {surface.sides} surface: "
             f"up to {deepest:.6g}, full contact"
         )
-        raise ContactError(message)
     full = indentation >= deepest * (1.0 - 1e-12)
     return Level("contact_area", 1.0) if full else Level("indentation", indentation)
 

@@ -140,11 +140,10 @@ class Design:
             key=lambda pair: sum(pair[1].plan.samples),
         )
         if sum(worst.plan.samples) > MOST_SAMPLES:
-            message = (
+            raise CampaignError(
                 f"{_label(D, worst)}: ± {worst.target.accuracy} needs more than {MOST_SAMPLES} samples; "
                 f"its mean is about {worst.mean.value:.3g}: ask for less, or set a budget"
             )
-            raise CampaignError(message)
 
 
 def _no_limit(divergent: Sequence[tuple[float, MeanEstimate]], key: str) -> StudyError:

@@ -191,12 +191,11 @@ class Coupling:
                     state = settle(at, fluid * (share / (reached or 1.0)), load, near)
                 except Opening as opening:
                     last = f"has a state at an inlet of p* = {reached * self.inlet:.6g}"
-                    message = (
+                    raise ContactError(
                         f"the joint opens: pressed to p* = {load:.6g} and pressurised then, it "
                         f"{last if reached else 'is closed without fluid'}, and at an inlet of p* = {inlet:.6g} the "
                         "fluid carries the whole load. Allowed: a lower inlet, or a higher load"
-                    )
-                    raise ContactError(message) from opening
+                    ) from opening
                 except ConvergenceError as error:
                     rounds, unsettled = rounds + ROUNDS, error
                     continue

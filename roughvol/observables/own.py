@@ -75,8 +75,7 @@ def values(view: View) -> Values:
                 f"{shape}, that of its coordinates" if shape else "a number, or an array with the attribute coordinates"
             )
             given = "nothing" if returned is None else f"shape {value.shape}"
-            message = f"{quantity.target} returns {given}; allowed: {allowed}"
-            raise StudyError([Problem(message, f"record.own.{name}")])
+            raise StudyError([Problem(f"{quantity.target} returns {given}; allowed: {allowed}", f"record.own.{name}")])
         found[name] = value
     return found
 

@@ -100,8 +100,7 @@ def _acquire(path: Path) -> int:
             named = _named(handle)
             if _take(handle, named) and _same_file(handle, path):
                 if named is not None and named.host != platform.node():
-                    message = f"{path.parent} is in use by {named}; if that process is no more, remove {path}"
-                    raise FolderError(message)
+                    raise FolderError(f"{path.parent} is in use by {named}; if that process is no more, remove {path}")
                 now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
                 own = Holder(platform.node(), os.getpid(), now, _birth(os.getpid()))
                 os.ftruncate(handle, 0)
@@ -109,11 +108,10 @@ def _acquire(path: Path) -> int:
                 os.fsync(handle)
                 unless_taken.pop_all()
                 return handle
-    message = (
+    raise FolderError(
         f"{path.parent} is in use by {named or 'a process that is just starting'}; "
         "wait for it, end it, or give another --out"
     )
-    raise FolderError(message)
 
 
 def _take(handle: int, named: Holder | None, *, shared: bool = False) -> bool:

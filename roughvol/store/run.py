@@ -354,18 +354,16 @@ def _check(file: Path, results: Dataset, given: Study | None, run: str, call: st
         cases = _cases(given, file.parent)
         another = same_study.another_study(file.parent, given, cases)
         beside = " --set name=OTHER, or --fresh, which replaces these results" if another else ""
-        message = (
+        raise FolderError(
             f"{file} does not hold the results of {run} (stored → {run}):\n{_indented(lines)}\n"
             f"to compute them: roughvol run {call}{beside}{show}"
         )
-        raise FolderError(message)
     if within:
-        message = (
+        raise FolderError(
             f"{file} does not hold the results of the study.yaml beside it (stored → study.yaml):\n"
             f"{_indented(within)}\n"
             f"an interrupted run goes on with: roughvol run STUDY; a {RESULTS} of another run opens in its own folder"
         )
-        raise FolderError(message)
 
 
 def _of_another_study(file: Path, results: Dataset, stored: str, given: Study, *, is_part: bool) -> list[str]:

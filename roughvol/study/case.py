@@ -157,9 +157,7 @@ class Case(Sided):
     def surface_text(self) -> str:
         """The treatment of heights from files in words, empty for untreated ones."""
         sentences = steps(self.treatment, self.length_unit)
-        for body in self.bodies[1:]:
-            turned = f", its axis {body.mirror} reversed" if body.mirror != "none" else ""
-            sentences.append(f"heights of {body.file.name} added{turned}")
+        sentences += [body.added for body in self.bodies[1:]]
         units = {body.file.name: body.numbers_in for body in self.bodies if body.numbers_in}
         sentences += [f"sizes and units in {body.file.name} ignored" for body in self.bodies if body.header]
         sentences += [f"numbers of {name} are in {unit}" for name, unit in units.items()]

@@ -45,6 +45,12 @@ class Body:
         return self.unit or self.heights_unit
 
     @property
+    def added(self) -> str:
+        """The addition of the heights to those of the first body, in words."""
+        turned = f", its axis {self.mirror} reversed" if self.mirror != "none" else ""
+        return f"heights of {self.file.name} added{turned}"
+
+    @property
     def key(self) -> dict[str, Any]:
         """Everything that changes the heights, as plain data; the content of the file gives ``unit``."""
         return {name: value for name, value in vars(self).items() if name not in ("file", "unit")}

@@ -79,11 +79,10 @@ def outliers(heights: Array, sigma: float, window: int = 5, degree: str = "tilt"
         mask[part] = np.abs(rest[part] - np.where(few, middle, median)) > limit
     share = mask.sum() / known.sum()
     if share > LARGEST_SHARE_OUT:
-        message = (
+        raise SurfaceError(
             f"outliers: {mask.sum()} heights, {share:.1%}, lie farther than {sigma:g} robust deviations from the "
             f"median of their neighbours; allowed: up to {LARGEST_SHARE_OUT:.0%}; raise sigma"
         )
-        raise SurfaceError(message)
     return mask
 
 
@@ -209,11 +208,10 @@ def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
     """
     shorter = spacing * (min(heights.shape) - 1)
     if not 2.0 * spacing <= cut_off <= shorter:
-        message = (
+        raise SurfaceError(
             f"low_pass is {cut_off:.6g}; allowed: {2.0 * spacing:.6g} (twice the spacing) to {shorter:.6g} "
             "(the shorter side)"
         )
-        raise SurfaceError(message)
     if not np.isfinite(heights).all():
         raise SurfaceError("heights must be known at every node before they are filtered")
     from scipy import signal  # imports scipy.stats: half a second, for this filter alone

@@ -131,8 +131,7 @@ def separation_is_not_volume(given: Given) -> Outcome:
         numbers.append(mean(f"V_at_0_D{D:g}", f"V* at d/σ = 0, D = {D:g}", departure[D][:, 0]))
         fits = [slope(x, y) for x, y in zip(run.values(P, D=D, m=m), _all_departures(run, D, m), strict=True)]
         numbers.append(mean(f"compliance_D{D:g}", f"slope of V* - d/σ over p*, D = {D:g}", fits))
-        name = f"d/σ where V* departs by {SMALL:.0%}, D = {D:g}"
-        numbers.append(mean(f"onset_D{D:g}", name, _onset(run, D, m)))
+        numbers.append(mean(f"onset_D{D:g}", f"d/σ where V* departs by {SMALL:.0%}, D = {D:g}", _onset(run, D, m)))
     for place, where in ((2, 1.0), (0, 0.0)):
         difference = departure[ends[1]][:, place] - departure[ends[0]][:, place]
         name = f"V*(D = {ends[1]:g}) - V*(D = {ends[0]:g}) at d/σ = {where:g}"

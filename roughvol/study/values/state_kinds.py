@@ -168,11 +168,10 @@ def parse(text: str) -> Level:
     name = SYMBOLS.get(name, name)
     if not equals or name not in (*STATE_KINDS, "step"):
         allowed = ", ".join((*STATE_KINDS, "step"))
-        message = (
+        raise DatasetError(
             f"no state {text!r}; allowed: last, or KIND=VALUE with a KIND of {allowed}, as pressure=0.5MPa; then a leg "
             "of a path, as pressure=0.5MPa, leg 2"
         )
-        raise DatasetError(message)
     kind = STATE_KINDS.get(name, StateKind(name, ""))
     try:
         level = Level(name, read(value, kind.unit), leg)

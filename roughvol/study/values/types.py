@@ -22,11 +22,6 @@ def whole(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def _as_tuple(value: Any) -> Any:
-    """Return a list as a tuple, other values unchanged."""
-    return tuple(value) if isinstance(value, list) else value
-
-
 def two(what: str) -> BeforeValidator:
     """Return a validator that takes a list of two as a tuple."""
 
@@ -39,7 +34,7 @@ def two(what: str) -> BeforeValidator:
 
 
 WHOLE = BeforeValidator(whole)  # behind the bounds: before them, pydantic leaves them out of the JSON schema
-AS_TUPLE = BeforeValidator(_as_tuple)
+AS_TUPLE = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 Dimension = Annotated[float, Field(gt=2, lt=3)]
 Refinement = Annotated[int, Field(ge=1, le=13), WHOLE]
 Seed = Annotated[int, Field(ge=0, lt=2**63), WHOLE]

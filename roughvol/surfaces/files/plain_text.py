@@ -89,10 +89,9 @@ def table(text: Text) -> Array:
         lines = [line[1:] for line in lines]
     cells = [cell for line in sample for cell in line.split()] if mark == "," else []
     if any(cell.endswith(",") for cell in cells) and all(_DECIMAL_COMMA.fullmatch(cell.rstrip(",")) for cell in cells):
-        message = (
+        raise DatasetError(
             f"{text.path}: line {text.data[0][0]} holds commas in its numbers and between them; allowed: semicolons"
         )
-        raise DatasetError(message)
     if mark != "," and any("," in line for line in lines):
         if any("." in line for line in lines):
             message = f"{text.path}: line {text.data[0][0]} holds both commas and points; allowed: one decimal mark"

@@ -118,11 +118,10 @@ def _by_content(request: Request) -> HeightMap:
         if text and path.stat().st_size:
             return _text(request)
         if suffix == GRID:
-            message = (
+            raise DatasetError(
                 f"{path}: is no Surfer grid; allowed in {GRID}: Surfer grids (DSAA, DSBB, DSRB), netCDF and ESRI ASCII "
                 "grids; save it as one of them"
-            )
-            raise DatasetError(message) from refused
+            ) from refused
         raise
     return _text(request) if height_map.description.reader.endswith(instrument.TEXT) else height_map
 
@@ -168,11 +167,10 @@ def _checked(path: Path, array: NDArray[Any], holes: bool) -> Array:
         row, column = np.argwhere(missing)[0]
         count = f"{missing.sum()} height{' is' if missing.sum() == 1 else 's are'}"
         marked_by = f" ({', '.join(marks[:3])} marks a missing one)" if marks else ""
-        message = (
+        raise SurfaceError(
             f"{path}: {count} missing or not finite, the first in row {row}, column {column}{marked_by}; "
             "surface.missing: interpolate, or nearest, fills them in a study"
         )
-        raise SurfaceError(message)
     return np.where(missing, np.nan, heights) if holes else heights
 
 

@@ -271,11 +271,10 @@ def _refuse_coordinates(path: Path, numbers: Array) -> None:
                 _grid(table[:, :3])
             except SurfaceError:
                 continue
-            message = (
+            raise SurfaceError(
                 f"{path}: looks like x y z points: the first two of its {nodes} {kind} form a grid; "
                 f"give columns x y z alone; {INSIST}"
             )
-            raise SurfaceError(message)
     if min(rows, columns) < 4 or all(_even(row) for row in numbers[1:, 1:]):
         return
     if _even(numbers[0, 1:]) and _even(numbers[1:, 0]):

@@ -66,11 +66,10 @@ def opened(request: Request) -> HeightMap:
     number = int(variable or 0)
     page = stored.pages[number]
     if len(page.shape) != 2 or page.dtype is None or page.dtype.kind not in "fiu" or page.dtype.itemsize < 2:
-        message = (
+        raise SurfaceError(
             f"{path}: page {number} has shape {page.shape} and values of type {page.dtype}; allowed: one "
             "grey value of at least 16 bits for each pixel"
         )
-        raise SurfaceError(message)
     pixel, unit, source = (None, None, "") if request.ignore_header else _pixel(path, stored, page)
     rows, columns = page.shape
 
