@@ -155,7 +155,7 @@ def test_L_agrees_with_the_coordinates() -> None:
         (None, r"object"),
         (MAP[0], r"shape \(13,\)"),
         (MAP[np.newaxis], r"shape \(1, 17, 13\)"),
-        ([[1.0, 2.0], [3.0]], r"no array"),
+        ([[1.0, 2.0], [3.0]], r"no array: its rows have the shapes"),
         (xr.Dataset({"z": (("x", "y"), MAP)}), r"Dataset .* variables: z"),
         (xr.DataArray(MAP[np.newaxis], dims=("band", "y", "x")), r"band 1, y 17, x 13"),
         (_grid() * (1 + 1j), r"complex"),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import warnings
-from collections.abc import Callable
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -57,13 +56,6 @@ def test_press_takes_a_gas() -> None:
     assert (wider.gas_transmissivity < found.gas_transmissivity).sel(axis="x").all()
     with pytest.raises(StudyError, match=r'press: argument fluid\["inlet"\]: missing'):
         roughvol.press(_heights(), fluid={"gas": "helium"}, **options)
-
-
-def test_rows_of_different_lengths_are_named() -> None:
-    with pytest.raises(
-        SurfaceError, match=r"^press: argument heights: heights make no array: its rows have the shapes"
-    ):
-        roughvol.press([[1.0, 2.0, 3.0], [1.0, 2.0]], L=1)
 
 
 def test_heights_of_two_nodes_are_no_surface() -> None:
@@ -161,12 +153,6 @@ record:
 def test_what_is_no_plain_data_is_refused_at_its_place(value: object, reason: str) -> None:
     with pytest.raises(StudyError, match=rf'^run: study\["surface"\]\["D"\](\[1\])?: .*{reason}'):
         roughvol.run({"surface": {"D": value, "m": 4}})
-
-
-@pytest.mark.parametrize("function", [roughvol.run, roughvol.status])
-def test_an_argument_of_a_type_without_meaning_is_refused_by_its_type(function: Callable[[Any], object]) -> None:
-    with pytest.raises(roughvol.errors.RoughvolError, match=r"type int$"):
-        function(3)
 
 
 def test_problems_of_a_dict_name_keys_and_no_lines() -> None:
