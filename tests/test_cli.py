@@ -41,11 +41,9 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def place(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def place(finished: Path, here: Path) -> Path:
     """A copy of it, which is the current folder."""
-    shutil.copytree(finished, tmp_path / "place")
-    monkeypatch.chdir(tmp_path / "place")
-    return tmp_path / "place"
+    return Path(shutil.copytree(finished, here, dirs_exist_ok=True))
 
 
 HEAVY = "xarray scipy.sparse pint dask matplotlib"

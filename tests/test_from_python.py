@@ -121,12 +121,11 @@ WRONG: list[tuple[Callable[[Any], Any], Any, str]] = [
 
 @pytest.mark.parametrize(("function", "argument", "words"), WRONG)
 def test_an_argument_of_a_type_without_meaning_is_named(
-    function: Callable[[Any], Any], argument: Any, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    function: Callable[[Any], Any], argument: Any, words: str, here: Path
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     with pytest.raises(roughvol.errors.RoughvolError, match=f"^{words}"):
         function(argument)
-    assert not list(tmp_path.iterdir())
+    assert not list(here.iterdir())
 
 
 def test_cases_are_taken_from_a_generator(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import shlex
 from pathlib import Path
@@ -30,9 +31,7 @@ record:
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the run of the example scan, shortened."""
-    folder = tmp_path_factory.mktemp("scan")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
+    with contextlib.chdir(folder := tmp_path_factory.mktemp("scan")):
         said("init", "scan")
         text = Path("scan.yaml").read_text(encoding="utf-8").replace("scan.txt,", "scan.txt, downsample: 2,")
         ran("scan", text.replace("{steps: 12, to: percolation}", "{steps: 3, to: {pressure: 0.1 MPa}}"))

@@ -33,9 +33,7 @@ COMMANDS = {
 
 @pytest.fixture(scope="module")
 def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("computed")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
+    with contextlib.chdir(folder := tmp_path_factory.mktemp("computed")):
         Path("map.yaml").write_text(MAP, encoding="utf-8")
         Path("creep.yaml").write_text("power: {exponent: 0.02, time: 1 s}\n", encoding="utf-8")
         np.savetxt("map.txt", np.random.default_rng(1).normal(size=(17, 17)))
@@ -46,10 +44,8 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def place(computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    shutil.copytree(computed, tmp_path / "here")
-    monkeypatch.chdir(tmp_path / "here")
-    return tmp_path / "here"
+def place(computed: Path, here: Path) -> Path:
+    return Path(shutil.copytree(computed, here, dirs_exist_ok=True))
 
 
 @contextlib.contextmanager

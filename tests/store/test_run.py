@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shlex
 import shutil
 from pathlib import Path
@@ -29,9 +30,7 @@ SCAN = TEXT.replace("{D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}", "{file: hei
 
 @pytest.fixture(scope="module")
 def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("computed")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
+    with contextlib.chdir(folder := tmp_path_factory.mktemp("computed")):
         Path("tiny.yaml").write_text(TEXT, encoding="utf-8")
         roughvol.run("tiny.yaml", jobs=1)
         np.savetxt("heights.txt", _heights(0))
@@ -41,10 +40,8 @@ def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def place(computed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    shutil.copytree(computed, tmp_path / "here")
-    monkeypatch.chdir(tmp_path / "here")
-    return tmp_path / "here"
+def place(computed: Path, here: Path) -> Path:
+    return Path(shutil.copytree(computed, here, dirs_exist_ok=True))
 
 
 def _heights(seed: int) -> np.ndarray:
@@ -85,10 +82,7 @@ LISTED = LISTED.replace("nu: 0.5", "nu: 0.5, thickness: [none, 50 um]").replace(
 
 
 @pytest.mark.parametrize("thickness", ["none", "50 um"])
-def test_a_study_with_values_of_the_lists_of_a_run_opens_their_results(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, thickness: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_study_with_values_of_the_lists_of_a_run_opens_their_results(here: Path, thickness: str) -> None:
     Path("listed.yaml").write_text(LISTED, encoding="utf-8")
     roughvol.run("listed.yaml", jobs=1)
     changes = ["material.E=20 MPa", f"material.thickness={thickness}"]
@@ -118,11 +112,9 @@ def test_a_study_with_values_of_the_lists_of_a_run_opens_their_results(
 @pytest.fixture(scope="module")
 def of_lists(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of the run ``many`` of a height file, with lists of all kinds, and of its study file."""
-    folder = tmp_path_factory.mktemp("of_lists")
     text = SCAN.replace("L: 100 um", "L: 100 um, level: [none, tilt]").replace("0.5}", "0.5, thickness: [none, 50 um]}")
     text = text.replace("{pressures: [0.1 MPa, 0.2 MPa]}", "{steps: 3, to: [percolation, {pressure: 0.4 MPa}]}")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
+    with contextlib.chdir(folder := tmp_path_factory.mktemp("of_lists")):
         np.savetxt("heights.txt", _heights(0))
         Path("many.yaml").write_text(f"{text}  region: [none, interior]\n", encoding="utf-8")
         roughvol.run("many.yaml", jobs=1)
@@ -130,11 +122,9 @@ def of_lists(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def many(of_lists: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def many(of_lists: Path, here: Path) -> Path:
     """Return a copy of the run ``many``, in a current folder without its study file and its heights."""
-    shutil.copytree(of_lists / "runs", tmp_path / "runs")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path / "runs" / "many"
+    return Path(shutil.copytree(of_lists / "runs", here / "runs")) / "many"
 
 
 CHANGES = ("surface.level=tilt", "material.thickness=50 um", "sweep.to={pressure: 0.4 MPa}", "record.region=none")
@@ -273,11 +263,8 @@ def test_a_moved_run_of_height_files_opens_in_parts(many: Path, of_lists: Path) 
     assert roughvol.status("moved", changes=CHANGES).collected
 
 
-def test_a_run_of_a_part_says_that_study_nc_has_its_cases_alone(
-    of_lists: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    shutil.copytree(of_lists, tmp_path / "here")
-    monkeypatch.chdir(tmp_path / "here")
+def test_a_run_of_a_part_says_that_study_nc_has_its_cases_alone(of_lists: Path, here: Path) -> None:
+    shutil.copytree(of_lists, here, dirs_exist_ok=True)
     spelled = [change.replace("0.4 MPa", "400 kPa") for change in CHANGES]
     done = call("run", "many.yaml", *(word for change in spelled for word in ("--set", change)), "--jobs", "1")
     assert done.exit_code == 0, done.output

@@ -75,8 +75,7 @@ def test_the_studies_have_every_key() -> None:
     assert [name for name in names if not re.search(rf"\b{name}\b", given)] == []
 
 
-def test_the_default_of_height_files_that_changed_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_the_default_of_height_files_that_changed_is_said(here: Path) -> None:
     np.save("z.npy", np.random.default_rng(0).random((6, 6)))
     text = "surface: {file: z.npy, L: 1%s}\nsweep: {steps: 1, to: {pressure: 0.1}}\n"
     said = "surface.sides is not given: height files are mirrored at their sides; before version 0.16"

@@ -152,9 +152,8 @@ FILE = "surface: {file: z.npy, L: 1%s}"
 
 
 @pytest.mark.parametrize("text", [*MADE, FILE])
-def test_sides_are_those_given(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sides_are_those_given(text: str, here: Path) -> None:
     """Files are mirrored and made surfaces free by default."""
-    monkeypatch.chdir(tmp_path)
     np.save("z.npy", np.random.default_rng(0).random((12, 12)))
     words = {"": "mirrored" if text == FILE else "free"}
     words |= {f", sides: {sides}": sides for sides in ("free", "mirrored", "periodic")}
@@ -170,8 +169,7 @@ def test_sides_are_those_given(text: str, tmp_path: Path, monkeypatch: pytest.Mo
         assert study.changed(**{"surface.sides": "mirrored"}).surface.sides == "mirrored"
 
 
-def test_a_mirrored_scan_may_be_treated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_mirrored_scan_may_be_treated(here: Path) -> None:
     np.save("z.npy", np.random.default_rng(0).random((12, 10)))
     (case,) = loads(FILE % ", level: tilt, downsample: 2, low_pass: 0.5, crop: {x: [0, 1], y: [0, 0.9]}").cases()
     surface = surface_of(case)

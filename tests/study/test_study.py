@@ -223,12 +223,11 @@ def test_the_resolved_study_names_every_key() -> None:
         assert written[section].keys() == type(getattr(study, section)).model_fields.keys() - {*LISTS, "periodic"}
 
 
-def test_a_height_file_is_found_beside_its_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = tmp_path / "deep"
+def test_a_height_file_is_found_beside_its_study(here: Path) -> None:
+    folder = here / "deep"
     folder.mkdir()
     np.save(folder / "z.npy", np.zeros((3, 3)))
     (folder / "study.yaml").write_text("surface: {file: z.npy, L: 2}", encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
     study = load("deep/study.yaml")
     assert loads(study.to_yaml()) == study
     assert yaml.safe_load(study.to_yaml())["surface"]["file"] == str(folder / "z.npy")
