@@ -1,7 +1,5 @@
 """What several test modules share: where tests compute, what they read and draw once, and one stored run."""
 
-from __future__ import annotations
-
 import functools
 import gc
 from collections.abc import Iterator

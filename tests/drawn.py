@@ -1,7 +1,5 @@
 """What a figure shows, counted after it was drawn."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

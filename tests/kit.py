@@ -1,7 +1,5 @@
 """Calls of the command line in this process, and studies that several files of tests run."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

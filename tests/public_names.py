@@ -3,8 +3,6 @@
 A name is what a user writes or reads: see docs/reference/promise.md.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import importlib

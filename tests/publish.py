@@ -6,8 +6,6 @@ The lower bounds are those of pyproject.toml. A lowest library has a wheel for t
 sdist, and the package is the installed one. `--json` keeps the rows, and `--rows` takes rows that another machine kept.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import json

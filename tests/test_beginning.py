@@ -1,7 +1,5 @@
 """The first hour: examples of the package, keys and variables in words, and the page made from them."""
 
-from __future__ import annotations
-
 import re
 import runpy
 from pathlib import Path

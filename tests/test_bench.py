@@ -1,7 +1,5 @@
 """The measuring scripts: counts on small rows, layouts of the store, coverage, and the commands that pages name."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import json

@@ -1,7 +1,5 @@
 """The command line: exit codes, one clear message, nothing written for nothing, and the same answer as from Python."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Public functions document every parameter and what they return; `make lint` checks the form of the sections."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import re

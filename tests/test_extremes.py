@@ -1,7 +1,5 @@
 """The matrix of extremes; `make extremes` runs all of it and writes docs/explanation/notes/extremes.md."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """The page "From Python": its code blocks run in order, and give what their comments say."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import warnings

@@ -1,7 +1,5 @@
 """The command card: what a designer reads, for one surface, several, closed ways, lists, and fluid pressure."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The commands ask and creep, from an empty folder on."""
 
-from __future__ import annotations
-
 import contextlib
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Numbers on the screen: the table after a run, show, compare, ls, and figures of several runs."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

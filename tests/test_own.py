@@ -1,7 +1,5 @@
 """Quantities of a user: functions named in a study, computed, stored, averaged and drawn as built-in ones."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

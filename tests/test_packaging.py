@@ -1,7 +1,5 @@
 """What a package holds, and what PyPI shows of it."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import re

@@ -1,7 +1,5 @@
 """The pages: tables name their command and version and agree with stored numbers; what a page names exists."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import importlib

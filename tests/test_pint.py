@@ -1,7 +1,5 @@
 """Numbers with units in Python: quantities of pint of any registry in, quantities out, and loads in every form."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

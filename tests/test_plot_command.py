@@ -1,7 +1,5 @@
 """The command `plot`: what does not apply is named and stops nothing, points have the labels of their surfaces."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Figures from Python: by name, of one run or several, shown by a notebook."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

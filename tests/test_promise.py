@@ -1,7 +1,5 @@
 """The promise of docs/reference/promise.md: no public name leaves without a row in the table of former spellings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

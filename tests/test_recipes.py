@@ -1,7 +1,5 @@
 """The recipes of CONTRIBUTING.md, carried out on a copy of the package: their text cannot go stale."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re

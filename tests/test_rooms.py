@@ -3,8 +3,6 @@
 Imports are read from the syntax trees: inside functions and under TYPE_CHECKING they count as well.
 """
 
-from __future__ import annotations
-
 import ast
 import functools
 import graphlib

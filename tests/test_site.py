@@ -1,7 +1,5 @@
 """The documentation site: every page has one place, notebooks carry no outputs, nothing comes from elsewhere."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Former spellings: taken with the new one in a warning, then refused with it."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Types of the installed package: mypy --strict passes a program of a user, and finds each fault in wrong calls."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

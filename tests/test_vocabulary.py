@@ -1,7 +1,5 @@
 """One vocabulary: an option means the same in every command, and every command takes a study in each form."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Files of a user are whole or stay as they were, and what cannot be printed ends no work."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

@@ -1,7 +1,5 @@
 """What the tests of leak cards share."""
 
-from __future__ import annotations
-
 from roughvol.analysis.leak_card import Part, Way
 
 

@@ -1,7 +1,5 @@
 """``ds.roughvol``: against plain numpy, over every shape of a dataset, and its refusals."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 The oracle is a few lines of numpy on study.nc.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The leak of a seal over time, from a stored sweep and a creep law."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Callable, Sequence

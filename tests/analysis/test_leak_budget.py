@@ -1,7 +1,5 @@
 """The leak card: each part of the error where the truth is known, several surfaces, closed ways, other grids."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import re

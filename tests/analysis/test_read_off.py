@@ -1,7 +1,5 @@
 """Read-offs from a stored sweep: of the leakiest surface, with an interval, against new runs at the value."""
 
-from __future__ import annotations
-
 import math
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Seals: draws of sheets, intervals of few scans, a known seal, the seal on a card, in read-offs, and under creep."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path
@@ -20,6 +18,7 @@ from roughvol.errors import StudyError
 from roughvol.gap import sheet
 from roughvol.gap.network import harmonic
 from roughvol.gap.transport import conduction
+from roughvol.questions import Cards
 from roughvol.report import card_page, card_text, screen
 from roughvol.report.figures.creep import drawing_of
 from roughvol.report.figures.leak_card import panels
@@ -184,7 +183,7 @@ def test_a_seal_is_no_part_of_a_case_and_may_change_afterwards() -> None:
 
 
 @pytest.fixture(scope="module")
-def cards(tmp_path_factory: pytest.TempPathFactory) -> roughvol.questions.Cards:
+def cards(tmp_path_factory: pytest.TempPathFactory) -> Cards:
     """The card on a grid of 32 nodes, and on a coarser one of 16."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(card_runs, "FEWEST_NODES", 17)
@@ -197,7 +196,7 @@ def _card(text: str, at: str, folder: Path) -> tuple[Card, SealLeak]:
     return card, card.seal
 
 
-def test_the_card_of_a_seal(cards: roughvol.questions.Cards) -> None:
+def test_the_card_of_a_seal(cards: Cards) -> None:
     (card,) = cards.cards.values()
     found, plain = card.seal, card.plain()["seal"]
     assert found is not None
@@ -212,7 +211,7 @@ def test_the_card_of_a_seal(cards: roughvol.questions.Cards) -> None:
     assert f"tight above {plain['tight_above']:.2g}" in card_text.seal(card.seal)
 
 
-def test_the_seal_of_a_run_at_a_load_leaks_as_on_its_card(cards: roughvol.questions.Cards) -> None:
+def test_the_seal_of_a_run_at_a_load_leaks_as_on_its_card(cards: Cards) -> None:
     (card,) = cards.cards.values()
     (runs,) = next(iter(cards.runs.values())).values()
     fine = runs.fine.dataset

@@ -4,8 +4,6 @@
 are counted on the half space itself, so those of a search for the end of a sweep are in.
 """
 
-from __future__ import annotations
-
 import sys
 import tempfile
 import time

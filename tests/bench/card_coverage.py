@@ -7,8 +7,6 @@ A surface of 257 × 257 elements is the truth. Each fourth height, or means of 4
 are kept in `--kept`, so that rules are tried again without new solves.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

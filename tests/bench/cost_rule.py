@@ -5,8 +5,6 @@ convolutions of the grid, on one core, measured and by the rule. The last column
 measured. The last lines are shares of all cases.
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Callable

@@ -7,8 +7,6 @@ The mean is that of a run of 5000 other seeds. With `--few` the finest level beg
 does. Sweeps are kept in memory: no file is written.
 """
 
-from __future__ import annotations
-
 import argparse
 import functools
 import json

@@ -7,8 +7,6 @@ sweeps of the finest level. The time of one is measured here, h is the half-widt
 the variance of the finest level as the samples of all levels give it.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import tempfile

@@ -4,8 +4,6 @@ Interiors of five surfaces each of D = 2.1, 2.3, 2.5 at m = 7, swept until they 
 estimate over the flow, the median factor between them, and the states where one is closed and the other is not.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

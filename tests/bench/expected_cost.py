@@ -1,7 +1,5 @@
 """What `roughvol check` expects of an ensemble, beside its run: `python -m tests.bench.expected_cost`."""
 
-from __future__ import annotations
-
 import sys
 import tempfile
 import time

@@ -12,8 +12,6 @@ python -m tests.bench.flow errors 500      true errors over stated ones, random 
 python -m tests.bench.flow fewer 7         leaks read between fewer of 60 states of a sweep, D = 2.2, 2.5, 2.8
 """
 
-from __future__ import annotations
-
 import itertools
 import resource
 import sys

@@ -5,8 +5,6 @@ The rule is midpoint displacement. Corners are 0, a new node is the mean of its 
 standard deviation falls by 2^(H/2) in each half step. Normal numbers are those of GNU's C++ library.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

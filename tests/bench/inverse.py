@@ -7,8 +7,6 @@ the secant of the two states before: with the near field alone, and with blocks 
 and the last eigenvalue, and the iterations to 10⁻⁶ σ.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import deque
 from typing import Any

@@ -4,8 +4,6 @@ python -m tests.bench.layer peer         solved states in the displacements of C
 python -m tests.bench.layer thickness    mean gap of layers over that of the half space at one pressure
 """
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

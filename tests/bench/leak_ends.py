@@ -3,8 +3,6 @@
 python -m tests.bench.leak_ends
 """
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

@@ -13,8 +13,6 @@ turns, so that a busy machine slows all of them. The ratio is the median over th
 convolutions.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -15,8 +15,6 @@ With `--periodic` the surfaces are periods of a plane, in equal steps of the app
 kernel 2/(E* q). roughvol's kernel love is timed beside them, in steps to its own end.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import multiprocessing

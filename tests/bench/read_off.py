@@ -8,8 +8,6 @@ are solved, so the truth is known. Surfaces, grids, steps, and ends are random; 
 Sweeps are kept in `--out`, and taken from there again.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterable, Iterator
 from pathlib import Path

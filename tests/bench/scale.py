@@ -7,8 +7,6 @@
 All cases are computed. Every command is a process of its own, with its start.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import os

@@ -13,8 +13,6 @@ Printed are the ratio of its leak to that of the joint, and how often the joint 
 kept in a file, a line each, and not solved again.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -10,8 +10,6 @@ With `--kernel love` or `fourier` the surfaces are periods of a plane. Steps are
 another `--area`, and the unit is a convolution without padding.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import json

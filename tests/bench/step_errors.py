@@ -1,7 +1,5 @@
 """The error of a mean between few steps, on two levels: `python -m tests.bench.step_errors`."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from roughvol.campaign.one_case import Context, arrays_of_case

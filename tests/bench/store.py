@@ -4,8 +4,6 @@ One case of m = 3 with 4 steps is computed. The others are copies of it with the
 medians over the cases. They depend on the disk.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

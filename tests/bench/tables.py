@@ -9,8 +9,6 @@ write a page with its mark.
 Nothing else raises the version of a mark.
 """
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess

@@ -1,7 +1,5 @@
 """Errors against closed forms by resolution, as a Markdown table (`make validation`); tests hold them to bounds."""
 
-from __future__ import annotations
-
 from tests.contact.test_validation import NODES, QUANTITIES, errors, square_punch_compliance
 
 FINER = (129, 257)  # than those of the tests

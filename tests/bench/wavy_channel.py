@@ -6,8 +6,6 @@ A sine across, flat along; a fluid flows along it while it is pressed. Loads ris
     python -m tests.bench.wavy_channel --figure docs/pictures/wavy-channel.png
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -7,8 +7,6 @@ sides, are the maps. Seeds below `FRESH` were used to set `QUADRANTS` of `roughv
 from `FRESH` on were not. Solved numbers are kept in `--kept`.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -8,8 +8,6 @@ A joint is one period of a random surface: 512² elements, λ_s = 4 δ, L = 2 mm
 Windows are pressed to the nominal pressures of their joint. The leak is that of a square.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import math

@@ -3,8 +3,6 @@
 The heartbeat of the cluster draws from the module `random`, and hypothesis refuses draws from elsewhere.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """Studies, cases and runs for the tests of campaigns."""
 
-from __future__ import annotations
-
 import json
 import os
 import socket

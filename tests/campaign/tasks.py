@@ -1,7 +1,5 @@
 """Tasks for workers; this module imports no large library, so that processes start at once."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Several files and lists of values in one study: each is a case or an axis, as it is alone."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """Cost of a study: counts, bounds and laws of growth; and too little memory, told in one line."""
 
-from __future__ import annotations
-
 import errno
 import math
 import subprocess

@@ -1,7 +1,5 @@
 """The run of a study: a study is its cases, whoever computes them, and whatever interrupted or preceded them."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import random

@@ -1,7 +1,5 @@
 """Numbers that may be meant in another way: both readings are given, by `check`, by `run` and in Python."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

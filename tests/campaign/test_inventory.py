@@ -1,7 +1,5 @@
 """Cases that other runs under one root have finished."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Heights in memory: masks, labels, units and sizes of an array are those of the surface that is pressed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

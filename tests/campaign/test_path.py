@@ -1,7 +1,5 @@
 """Cases and the paths of their sweeps: where a leg ends, which steps it has, what is stored, resumed and refused."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

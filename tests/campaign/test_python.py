@@ -1,7 +1,5 @@
 """From Python: a map pressed in one call, a study as a dict, a study with changes and from standard input."""
 
-from __future__ import annotations
-
 import os
 import re
 import warnings

@@ -1,7 +1,5 @@
 """Ensembles in a folder: answers by stored numbers alone, whoever computes and whatever interrupts."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Signals of a batch system and of a terminal, sent to this process."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Iterator

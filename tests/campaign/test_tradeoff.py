@@ -1,7 +1,5 @@
 """Speed against accuracy: the bounds bound, a reference has no error, and what is read off the ladders."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

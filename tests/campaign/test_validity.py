@@ -1,7 +1,5 @@
 """Limits of the model: each is held against laws and closed forms, named where it is passed, and silent elsewhere."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

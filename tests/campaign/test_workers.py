@@ -1,7 +1,5 @@
 """Workers: every task ends once, dead workers are noticed, the caller is left in peace."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import subprocess

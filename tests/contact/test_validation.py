@@ -4,8 +4,6 @@ Each error is the root mean square over several contact radii: a single one depe
 lattice. The bounds are about 1.5 times the measured errors.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from itertools import pairwise

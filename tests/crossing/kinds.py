@@ -4,8 +4,6 @@ Surfaces have 17 nodes a side (m = 4), those with coarser grids 60 or more, and 
 A kind is made once in a session, by ``roughvol run``.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

@@ -12,8 +12,6 @@ Conventions, as the pages state them:
 - A surface whose sweep ended closed along an axis is closed at every higher load: flow 0, no other number.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import re

@@ -5,8 +5,6 @@
 ``wrong`` marks cells of either sort that have a defect, by the number of its finding.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

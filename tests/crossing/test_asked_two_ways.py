@@ -1,7 +1,5 @@
 """One question asked in two ways has one answer, or is refused both times."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The crossing table: every cell is right or refused with its sentence, no cell is empty, and the page is current."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from types import ModuleType

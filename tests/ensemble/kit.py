@@ -1,7 +1,5 @@
 """Ensembles without a solver or files, and the oracle of their estimator."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Samples of levels: the optimum of a closed form, lower bounds, and levels that do not pay."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

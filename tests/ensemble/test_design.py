@@ -1,7 +1,5 @@
 """The design of an ensemble: the requested accuracy is reached, by stored numbers alone."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """The error that the resolution leaves: a power law, a quantity that halves, and noise."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

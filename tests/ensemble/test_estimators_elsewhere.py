@@ -1,7 +1,5 @@
 """Estimators of an ensemble against independent libraries: generalised least squares, and multilevel Monte Carlo."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

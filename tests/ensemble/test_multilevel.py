@@ -1,7 +1,5 @@
 """Means from several levels: closed forms, plain Monte Carlo, and honest intervals with few samples."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The expected ensemble: near the one that runs, for quantities of the contact and of the void."""
 
-from __future__ import annotations
-
 import pytest
 
 from roughvol.campaign import rounds

@@ -1,7 +1,5 @@
 """Quantities of the void at a state: values from the steps of a sweep, and requests that a sweep cannot answer."""
 
-from __future__ import annotations
-
 import functools
 from pathlib import Path
 

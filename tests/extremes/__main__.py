@@ -1,7 +1,5 @@
 """Run the whole matrix of extremes and write docs/explanation/notes/extremes.md (`make extremes`)."""
 
-from __future__ import annotations
-
 import re
 import sys
 import warnings

@@ -6,8 +6,6 @@ the overlap; the residual, recomputed by another convolution; V* = d/σ + mean(u
 V* falls; and, up to `DENSE` elements, equality with the solution of the dense problem.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Sequence

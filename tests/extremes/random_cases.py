@@ -4,8 +4,6 @@
 residual above its tolerance, or a leg that ends elsewhere than the study says.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import tempfile

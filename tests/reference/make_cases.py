@@ -8,8 +8,6 @@ by Cholesky, then removes elements in tension and adds elements that penetrate. 
 and checked at the end, in units of the standard deviation of the heights: gap and penetration to 1e-12.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

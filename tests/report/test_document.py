@@ -1,7 +1,5 @@
 """A document in its forms: each holds every word of the sections, escaped as the form needs."""
 
-from __future__ import annotations
-
 import re
 from html import unescape
 

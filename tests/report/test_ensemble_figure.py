@@ -1,7 +1,5 @@
 """The figure of an ensemble: one line for each D, beside that of plain Monte Carlo."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from xarray import Dataset

@@ -1,7 +1,5 @@
 """Lines can be seen and told apart, in colour, in grey and by the colour-blind; text stays text in every file."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Results opened from Python: runs by folder, file or name, and datasets that a user has saved."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

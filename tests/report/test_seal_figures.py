@@ -1,7 +1,5 @@
 """Figures of the flow draw what the dataset holds, and say what they miss."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 from collections.abc import Callable

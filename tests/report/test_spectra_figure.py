@@ -1,7 +1,5 @@
 """The figure of the power spectral density: lines of the dataset, and the law of the study."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

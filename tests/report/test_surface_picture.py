@@ -1,7 +1,5 @@
 """The picture of a surface shows its heights, in a unit that can be read, with its highest point marked."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

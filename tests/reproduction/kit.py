@@ -1,7 +1,5 @@
 """Forms of a report, and a report without figures: they take seconds, and are tested once."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

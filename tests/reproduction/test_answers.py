@@ -1,7 +1,5 @@
 """Statements judged by ten seeds and by an ensemble."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a figure needs is what it draws: from those cases alone it is the same figure as from all."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The claims: verdicts follow by rule, intervals cover, and planted truths and falsehoods are told apart."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

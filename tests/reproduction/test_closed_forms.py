@@ -1,7 +1,5 @@
 """Closed forms against numerical integration of the half space, and the laws each of them must obey."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Every figure draws what the dataset holds: curves, bands, fields and images are compared with the stored numbers."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

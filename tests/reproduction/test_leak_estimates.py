@@ -1,7 +1,5 @@
 """How wrong the quick estimates are: by hand, and on the page."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rows of the literature: every judge tells data that hold from data that do not, and a page shows every row."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from pathlib import Path

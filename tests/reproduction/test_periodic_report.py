@@ -1,7 +1,5 @@
 """Reports of periodic surfaces: every figure that they have, and none of the paper's free patches."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

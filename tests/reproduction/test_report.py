@@ -1,7 +1,5 @@
 """The report: one page that stands alone, says what the claims say, escapes what it is given, and can be checked."""
 
-from __future__ import annotations
-
 import base64
 import dataclasses
 import json

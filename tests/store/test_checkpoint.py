@@ -1,7 +1,5 @@
 """Checkpoints: a sweep that broke off goes on to the last bit, and what is damaged or foreign is as good as none."""
 
-from __future__ import annotations
-
 import io
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Stored files: what is written comes back, is described, is whole or not there; cases align by label."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Numbers in units: closed forms, laws of scaling, and nothing solved for them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

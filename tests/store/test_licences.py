@@ -1,7 +1,5 @@
 """Licences of installed packages: what is needed, the licence of each, and the libraries that wheels bundle."""
 
-from __future__ import annotations
-
 import json
 import sys
 from importlib import metadata

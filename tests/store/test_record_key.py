@@ -1,7 +1,5 @@
 """The key of a study that stores a variable: each is a key, and a study with it stores the variable."""
 
-from __future__ import annotations
-
 import pytest
 
 from roughvol.observables.variables import VARIABLES

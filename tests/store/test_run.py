@@ -1,7 +1,5 @@
 """The run of a name, a folder, a study.nc or a study file: the numbers are those of the study, or they are refused."""
 
-from __future__ import annotations
-
 import contextlib
 import shlex
 import shutil

@@ -1,7 +1,5 @@
 """The folder of a run: one run at a time, sound files only, clear words when the disk lets it down."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

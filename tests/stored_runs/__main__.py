@@ -3,8 +3,6 @@
 They are added to the archive: the run folders as stored, and ``printed.json`` with what the version printed.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

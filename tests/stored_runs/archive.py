@@ -4,8 +4,6 @@
 and tests that have every key, each with the study that 0.11.1 loaded.
 """
 
-from __future__ import annotations
-
 import json
 import tarfile
 import tomllib

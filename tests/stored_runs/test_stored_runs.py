@@ -1,7 +1,5 @@
 """Runs of every version since 0.11.1 open, with the numbers that their version printed; none is lost by another run."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

@@ -1,7 +1,5 @@
 """A study of 0.11.1 means the same, or is refused with the new key: all keys of its schema, and studies with each."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Tables of studies, and studies that are refused."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any

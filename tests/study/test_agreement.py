@@ -1,7 +1,5 @@
 """What a file gives and what the study gives: both agree, or the study is refused with both values."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

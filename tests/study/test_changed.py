@@ -1,7 +1,5 @@
 """A study changed by keys is the study of a file with these keys."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

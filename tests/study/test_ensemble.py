@@ -1,7 +1,5 @@
 """The section ``ensemble``: what may be asked for, and what does not go together with it."""
 
-from __future__ import annotations
-
 import pickle
 
 import pytest

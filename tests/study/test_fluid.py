@@ -1,7 +1,5 @@
 """The section fluid: gases, pressures, units of throughput, and what is refused."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """An elastic layer as the material of a study."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import xarray as xr

@@ -1,7 +1,5 @@
 """The section ``surface`` with a spectrum or a period: what is read, which cases come out, and what they store."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from pathlib import Path

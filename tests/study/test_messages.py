@@ -1,7 +1,5 @@
 """Messages on studies that a user is likely to write: the word that is meant, one message for one mistake."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Studies that are refused: `refusals.toml` has a table for each section."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.study.kit import FIRST, in_full, problems_of, table

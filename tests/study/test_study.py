@@ -1,7 +1,5 @@
 """Studies: what is read, what is refused and how it is said, which cases come out and what names them."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import pickle

@@ -1,7 +1,5 @@
 """What a study has done to measured maps: a crop, outliers, block means, square pixels, in this order, on each body."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

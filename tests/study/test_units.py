@@ -1,7 +1,5 @@
 """Units that messages name are accepted without pint; pint agrees with them."""
 
-from __future__ import annotations
-
 import pint
 import pytest
 
