@@ -148,7 +148,7 @@ def _step(series: Series, along: Array, state: Level, case: Case) -> int | None:
         return len(along) - 1
     step = case.sweep.legs[0].step_of(state)
     if step is None:
-        step = step_at(Level(state.kind, _starred(series, state, case)), along[1:])
+        step = step_at(state.kind, _starred(series, state, case), along[1:])
     return None if step is None else step + 1
 
 

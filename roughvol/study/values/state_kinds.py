@@ -243,20 +243,17 @@ def slack(kind: str, value: float, share: float = REACHED) -> float:
     return share * max(abs(value), 1.0 if kind == "separation" else 1e-12)
 
 
-def step_at(level: Level, values: Iterable[float]) -> int | None:
+def step_at(kind: str, value: float, values: Iterable[float]) -> int | None:
     """Return the index of the first stored step that reaches a starred state to `REACHED`, None without one.
 
-    ``values`` has the quantity of its kind at each step; NaN where nothing is known.
+    ``values`` has the quantity of the kind at each step; NaN where nothing is known.
 
     Examples
     --------
-    >>> step_at(Level("pressure", 0.2), [0.1, 0.2000002, 0.3])
+    >>> step_at("pressure", 0.2, [0.1, 0.2000002, 0.3])
     1
     """
-    value = level.value
-    if value is None:
-        return None
-    return next((step for step, one in enumerate(values) if abs(one - value) <= slack(level.kind, value)), None)
+    return next((step for step, one in enumerate(values) if abs(one - value) <= slack(kind, value)), None)
 
 
 @dataclass(frozen=True)
