@@ -23,7 +23,7 @@ conducts as much as the poorest open patch.
 
 **Long seals.** Columns of patches differ among each other, and a stream seldom drifts farther sideways than the seal is
 wide. More than 128 columns are taken as rings of 64 columns side by side, which have no ends. More than 16 patches in a
-row are taken in blocks, each a patch of its own sheet.
+row are taken in blocks, no wider than the seal is long. Each block is a patch of its own sheet.
 """
 
 from __future__ import annotations
@@ -152,11 +152,10 @@ def drawn(
     n, m = patches
     if n > ROW:
         side = math.ceil(n / ROW)
-        first, second = (
-            drawn(*pools, (side, side), of, together, draws, seed + k)
-            for k, pools in ((1, (along, across)), (2, (across, along)))
-        )
-        return drawn(first, second, (round(n / side), max(1, round(m / side))), of, together, draws, seed)
+        beside = min(side, m)  # a sheet narrower than a block has blocks of its own width
+        first = drawn(along, across, (side, beside), of, together, draws, seed + 1)
+        second = drawn(across, along, (beside, side), of, together, draws, seed + 2)
+        return drawn(first, second, (round(n / side), round(m / beside)), of, together, draws, seed)
     if min(along.min(), across.min()) == max(along.max(), across.max()):
         return np.full(draws, along[0])
     rng, ring = np.random.default_rng(seed), m > 2 * RING

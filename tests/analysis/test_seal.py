@@ -56,7 +56,14 @@ def test_a_seal_of_one_patch_across_has_the_mean_and_of_one_along_the_harmonic_m
     assert_allclose(np.mean(1.0 / rows), np.mean(1.0 / values), rtol=0.03)
 
 
-@pytest.mark.parametrize(("seed", "shape", "within"), [(2, (4, 384), 0.03), (4, (32, 32), 0.05)])
+@pytest.mark.parametrize("rows", [40, 20000])
+def test_a_long_row_of_patches_has_the_harmonic_mean_and_closes_with_its_first(rows: int) -> None:
+    values = patches(4, 1.0, 3)
+    assert_allclose(seal.conductance_of(values, (rows, 1), isotropic=True).value, 1.0 / np.mean(1.0 / values), rtol=0.1)
+    assert_allclose(seal.closing_of(values, (rows, 1), isotropic=True).value, values.min())
+
+
+@pytest.mark.parametrize(("seed", "shape", "within"), [(2, (4, 384), 0.03), (4, (32, 32), 0.05), (4, (64, 2), 0.05)])
 def test_rings_and_blocks_conduct_as_the_whole_sheet_does(seed: int, shape: tuple[int, int], within: float) -> None:
     """Rings stand for a long sheet, blocks for a wide one; the oracle is whole sheets."""
     values = patches(8, 1.2, seed)
