@@ -417,7 +417,17 @@ record: {{transport: {{transmissivity: every-step}}, {DIMENSIONAL}}}
         leaks[at] = way.leak.value
         assert part_of(way, "solver").known
     assert leaks["pressure=0.5, leg 2"] < 0.9 * leaks["pressure=0.5"]  # yield keeps the surfaces nearer
-    assert_allclose(leaks["last, leg 1"], run.dataset["leak_rate"].sel(axis="x").isel(step=1).item())
+
+
+def test_an_unloaded_surface_has_no_load_on_its_card(tmp_path: Path) -> None:
+    text = f"""name: metal
+surface: {{D: 2.2, m: 5, L: 100 um, Sq: 0.4 um, seeds: [1], sides: mirrored}}
+material: {{E_star: 10 MPa, hardness: 1 MPa}}
+sweep: [{{steps: 2, to: {{pressure: 1.0}}}}, {{steps: 2, to: {{pressure: 0}}}}]
+record: {{transport: {{transmissivity: every-step}}, {DIMENSIONAL}}}
+"""
+    card = _of(_pressed(text, parse("last, leg 2"), tmp_path))
+    assert card_text.load_of(card).startswith("0 MPa (p* = 0) on leg")
 
 
 def test_elastic_contact_has_the_same_errors_on_every_leg(tmp_path: Path) -> None:
