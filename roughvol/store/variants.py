@@ -15,7 +15,7 @@ import numpy as np
 from xarray import DataArray, Dataset
 
 from roughvol.errors import DatasetError, StudyError
-from roughvol.observables.variables import STATES, VARIABLES
+from roughvol.observables.variables import MEAN_ENDS, STATES, VARIABLES
 from roughvol.store import dataset
 from roughvol.study import AXES, Axis, Study, Variant, loads
 
@@ -63,6 +63,9 @@ def recorded(results: Dataset) -> list[str]:
 def widened(results: Dataset) -> Dataset:
     """Return a dataset with the dimensions of all lists, surfaces and recorded states."""
     full = results.expand_dims(names) if (names := chosen(results)) else results
+    if "ensemble_at" in results:  # its means are of all surfaces, and have no dimension seed, and most no m
+        of_means = {name: [dim for dim in names if dim in dims] for name, dims in _means_of(results).items()}
+        full = full.assign({name: results[name].expand_dims(dims) for name, dims in of_means.items()})
     for dim in recorded(full):
         rows = {str(name): VARIABLES[str(name)].dims.split() for name in full.data_vars if name in VARIABLES}
         along = {name: full[name].expand_dims(dim) for name, dims in rows.items() if dim in dims}
@@ -70,6 +73,17 @@ def widened(results: Dataset) -> Dataset:
             {name: one.transpose(..., *rows[name][1:], missing_dims="ignore") for name, one in along.items()}
         )
     return full
+
+
+def _means_of(results: Dataset) -> dict[str, list[str]]:
+    """Return the variables of an ensemble with their dimensions; those of a function of the user are as of V*."""
+    found = {}
+    for name, variable in ((str(name), variable) for name, variable in results.data_vars.items()):
+        end = max((end for end in MEAN_ENDS if name.endswith(end)), key=len, default="")
+        row = VARIABLES.get(name) or VARIABLES[f"free_volume{end if 'ensemble_at' in variable.dims else ''}"]
+        if not row.dims.startswith("..."):
+            found[name] = row.dims.split()
+    return found
 
 
 def whole(results: Dataset) -> Dataset:

@@ -7,6 +7,7 @@ from xarray import Dataset
 from roughvol.errors import DatasetError
 from roughvol.report.figures import content
 from roughvol.report.figures.registry import FIGURES
+from roughvol.store.variants import widened
 
 LEVELS, ROUNDS = 3, 4
 
@@ -91,3 +92,16 @@ def test_the_right_panel_names_its_mean_and_is_empty_where_every_mean_is_zero(re
     results["free_volume_mean"][:] = 0.0
     right = FIGURES["ensemble_cost"](results).axes[2]
     assert (len(right.lines), right.get_title()) == (0, "every mean is 0")
+
+
+def test_a_choice_of_the_finest_level_keeps_the_means_of_all_surfaces(results: Dataset) -> None:
+    own = {
+        f"rms_gap_{end}": results[f"free_volume_{end}"] for end in ("mean", "accuracy_asked", "interval", "level_mean")
+    }
+    every = results.assign(own)
+    one = widened(every.sel(m=6))
+    for name in every.data_vars:
+        assert set(one[name].dims) == set(every[name].dims), name
+    drawn = [FIGURES["ensemble_cost"](data).axes[2].lines for data in (results, widened(results.sel(m=6)))]
+    for whole, part in zip(*drawn, strict=True):
+        np.testing.assert_array_equal(whole.get_xydata(), part.get_xydata())
