@@ -41,15 +41,15 @@ def load_of(group: Dataset) -> str:
 
 
 def spans(group: Dataset, axis: str, load: str = "") -> list[Span]:
-    """Return where the last way along an axis of each surface closes; empty where the ways are not followed.
+    """Return where the last way along an axis of each surface closes; empty where ways and closing are not recorded.
 
     ``group`` is one loading leg with the ways of `derived.derived`; under fluid pressure they are those of the dry gap.
     Surfaces without a computed state are left out. Default of ``load``: the variable of `load_of`.
     """
-    if not (name := ways(group)):
-        return []
     load = load or load_of(group)
-    rows, loads = (values.transpose("seed", "step").values for values in (group[name].sel(axis=axis), group[load]))
+    loads, name = group[load].transpose("seed", "step").values, ways(group)
+    without = np.full(loads.shape, 1.0 if SOLVED in group else np.nan)  # a way without a solved closing is open
+    rows = group[name].sel(axis=axis).transpose("seed", "step").values if name else without
     solved = solved_loads(group, axis, load)
     surfaces = zip(solved, rows, loads, strict=True)
     found = [Span(end, end) if math.isfinite(end) else span_of(way, at) for end, way, at in surfaces]

@@ -188,7 +188,7 @@ def ask_closed(
     run = checked(run, leaks=False)
     _check_unknown(run, unknown, pressure)
     run = derived(run, study_in(run))
-    if not leak.ways(run):
+    if not leak.ways(run) and closing.SOLVED not in run:
         raise refused("the run does not follow its ways: add record.transport: {percolation: every-step} to its study")
     return [_answer(run, axis, _closing(run, axis, errors), unknown, pressure or 0.0) for axis in axes(run)]
 
@@ -406,7 +406,9 @@ def _closing(run: Dataset, axis: str, errors: Mapping[str, Errors] | None) -> li
     stored = closings(run, axis, load)
     solved = own.solved if own is not None and len(own.solved) == len(stored) else [span for _, span, _ in stored]
     for (name, _, surface), span in zip(stored, solved, strict=True):
-        known = np.isfinite((surface[load] + surface[leak.ways(run)].sel(axis=axis)).values)
+        known = np.isfinite(surface[load].values)
+        if ways := leak.ways(run):
+            known &= np.isfinite(surface[ways].sel(axis=axis).values)
         pressure, starred = (surface[key].values[known] for key in (load, "mean_pressure"))
         reading = LoadReading.of(span) if own is None else _closing_with_errors(span, own)
         found.append(_Needed(name, reading, pressure, starred, float(sigma(surface)), own))

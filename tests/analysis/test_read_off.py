@@ -498,3 +498,20 @@ def test_a_solved_closing_load_ends_the_reading(tmp_path: Path) -> None:
     assert f"to the closing of the last way, p* = {end:.4g}" in printed
     assert f"where the last way closes, beyond p* = {answers[1].between[0]:.4g}" in said("ask", folder, "--closed")
     assert "where the last way closes" in said("ask", folder, "--leak-rate", "1e-30 mm^3/s", "--budget", "--jobs", "1")
+
+
+def test_a_solved_closing_load_needs_no_record_of_the_ways(tmp_path: Path) -> None:
+    """A way without a solved closing load is open at the last step, as a surface that yields may have."""
+    text = """
+surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: [1, 2]}
+material: {E_star: 10 MPa, hardness: 1 MPa}
+sweep: [{steps: 4, to: {pressure: 0.11 MPa}}, {steps: 2, to: {pressure: 0.02 MPa}}]
+record: {transport: {closing: true}}
+"""
+    found = []
+    for name, recorded in (("alone", text), ("followed", text.replace("true}", "true, percolation: every-step}"))):
+        ds = roughvol.run(loads(recorded), jobs=1, out=tmp_path / name)
+        found.append([(answer.value, answer.low, answer.high) for answer in roughvol.ask(ds).answers])
+    assert found[0] == found[1]
+    (x, *_), (y, *_) = found[0]
+    assert 0.05 < x < 0.11 < y == math.inf
