@@ -73,8 +73,13 @@ def comparisons(runs: Sequence[Run]) -> Iterator[Comparison]:
 
 
 def _same_surfaces(one: Run, other: Run) -> bool:
-    sizes = [(made.D, made.m, made.seeds) for run in (one, other) if (made := run.generated)]
-    if len(sizes) < 2 or sizes[0] != sizes[1]:
+    """Return whether two runs press the same surfaces, with the same sides and kernel, and observe the same region."""
+    pressed = [
+        (made.D, made.m, made.seeds, made.midpoint_law, made.sides, study.kernel(made.length_unit), study.record.region)
+        for run in (one, other)
+        if (made := run.generated) and (study := run.study)
+    ]
+    if len(pressed) < 2 or pressed[0] != pressed[1]:
         return False
     heights = [float(sigma(run.dataset).mean()) / run.L for run in (one, other)]
     return bool(np.isclose(heights[0], heights[1], rtol=1e-9))
