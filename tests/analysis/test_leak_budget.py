@@ -430,6 +430,23 @@ record: {{transport: {{transmissivity: every-step}}, {DIMENSIONAL}}}
     assert card_text.load_of(card).startswith("0 MPa (p* = 0) on leg")
 
 
+def test_a_step_beside_the_load_of_a_card_changes_no_error(tmp_path: Path) -> None:
+    """The search for a listed pressure ends within 1e-5 of it, and the state of the card is solved once more."""
+    text = ONE.replace("{steps: 4, to: {pressure: 1.2}}", "{pressures: [0.3, 0.6, 0.9, 1.2]}").replace(
+        "200 um", "100 um"
+    )
+    run = _pressed(text, AT, tmp_path)
+    parts = []
+    for share in (0.0, 3e-7, -3e-7):
+        loads_of_steps = {name: run.dataset[name].copy() for name in ("mean_pressure", "nominal_pressure")}
+        for pressure in loads_of_steps.values():
+            pressure[{"step": 1}] *= 1.0 + share
+        window = part_of(_of(run, run.dataset.assign(loads_of_steps)).ways[0], "window")
+        parts.append((window.factor, window.smaller))
+    for beside in parts[1:]:
+        assert_allclose(beside, parts[0], rtol=1e-3)
+
+
 def test_elastic_contact_has_the_same_errors_on_every_leg(tmp_path: Path) -> None:
     legs = "[{steps: 4, to: {pressure: 1.0}}, {steps: 4, to: {pressure: 0.1}}, {steps: 2, to: {pressure: 2.0}}]"
     text = f"""name: rubber

@@ -25,6 +25,7 @@ from roughvol.gap.transport import conduction
 from roughvol.observables.variables import AXES
 from roughvol.store.card_runs import Pressed
 from roughvol.study import Level, parse
+from roughvol.study.values.state_kinds import REACHED
 from roughvol.typing import Array
 
 EXACT = 1e-8  # accuracy of the flows whose ratios are parts of the error
@@ -105,7 +106,9 @@ class Loaded:
         points = dict(zip(loads.tolist(), (leaks * self.of_leak).tolist(), strict=True))
         if self.leads and not dry and self.state is not None:
             load = self.number(load_of(table)) * self.of_load
-            points = {p: leak for p, leak in points.items() if not math.isclose(p, load)} | {load: self.leak(axis)}
+            # a step that misses the load by the accuracy of a search is the state: the slope between both is noise
+            steps = {p: leak for p, leak in points.items() if not math.isclose(p, load, rel_tol=REACHED)}
+            points = steps | {load: self.leak(axis)}
         return curve_of(points, self.closing[axis].value)
 
     def leak_at(self, axis: str, load: float) -> float:
