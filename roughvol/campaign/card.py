@@ -18,7 +18,8 @@ from roughvol.campaign.case_surface import surface_of
 from roughvol.errors import CampaignError, Problem, StudyError
 from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.store.run_folder import slug
-from roughvol.study import HeightFile, Level, Quantity, Region, Seal, SpectralSurface, Study, refused
+from roughvol.study import HeightFile, Level, Quantity, Region, Seal, SpectralSurface, Study, read, refused
+from roughvol.study.values.units import text_of, unit_of
 from roughvol.surfaces.spectrum import moment
 
 FINE = "finest grid"
@@ -177,29 +178,32 @@ def _held(surface: SpectralSurface, n: int) -> dict[str, Any] | None:
 
 
 def _at_equal_pressure(study: Study, levels: Sequence[Level], keys: Mapping[str, Any], words: str) -> Planned:
-    """Return the study with other surfaces, at the same nominal pressures p = p* E* Sq/L of the first surface."""
-    ratio = _steepness(study) / _steepness(_changed(study, levels, keys))
-    if levels[0].kind == "pressure":
-        levels = [
-            level if isinstance(level.value, Quantity) else replace(level, value=(level.value or 0.0) * ratio)
-            for level in levels
-        ]
-    return Planned(words, _changed(study, levels, keys, pressures=ratio), levels[0])
+    """Return the study with other surfaces, at the same nominal pressures p = p* E* Sq/L = F/A of the first surface."""
+    (steepness, area), (other, other_area) = map(_sizes, (study, _changed(study, levels, keys)))
+    factors = {"pressure": steepness / other, "load": other_area / area}
+    if levels[0].kind in factors:
+        levels = [replace(level, value=_scaled(level.kind, level.value, factors)) for level in levels]
+    return Planned(words, _changed(study, levels, keys, factors), levels[0])
 
 
-def _steepness(study: Study) -> float:
-    """Return Sq/L of the first surface."""
+def _sizes(study: Study) -> tuple[float, float]:
+    """Return Sq/L of the first surface, and the area of its elements."""
     case = study.cases()[0]
     surface = surface_of(case)
-    return (case.height or surface.unit) / surface.side
+    return (case.height or surface.unit) / surface.side, surface.heights.size * surface.spacing**2
 
 
 def _changed(
-    study: Study, levels: Sequence[Level], keys: Mapping[str, Any], *, pressures: float = 1.0, fine: bool = False
+    study: Study,
+    levels: Sequence[Level],
+    keys: Mapping[str, Any],
+    factors: Mapping[str, float] | None = None,
+    *,
+    fine: bool = False,
 ) -> Study:
-    """Return the study with the records of a card, other keys of its surface, and its starred pressures times a factor.
+    """Return the study with the records of a card, other keys of its surface, and its loads times factors by kind.
 
-    The levels, of one kind, are recorded. The factor is for pressures of the sweep and of the fluid. The finest run has
+    The levels, of one kind, are recorded. The factors are for the sweep and the fluid (`_scaled`). The finest run has
     the flow of the quadrants half way to the end of the first leg and at halvings of it, the gas, and the lifted gap.
     """
     data = study.model_dump(mode="json")
@@ -222,23 +226,29 @@ def _changed(
     record = {"region": recorded.get("region"), "dimensional": units or None, "all_legs": len(legs) > 1}
     record |= {"transport": transport, "fields_at": wanted}
     lift = recorded.get("fluid_pressure")
+    factors = factors or {}
     if lift is not None:
-        scaled = {name: _times(lift[name], pressures) for name in ("inlet", "outlet")}
+        scaled = {name: _scaled("pressure", lift[name], factors) for name in ("inlet", "outlet")}
         record["fluid_pressure"] = {**lift, **scaled, "at": wanted, "fields": fine}
     if study.seal is not None and fine:
         record["heights"] = True  # they show a roll-off
     for leg in data["sweep"] if isinstance(data["sweep"], list) else [data["sweep"]]:
-        if isinstance(leg.get("to"), dict) and "pressure" in leg["to"]:
-            leg["to"]["pressure"] = _times(leg["to"]["pressure"], pressures)
-        if "pressures" in leg:
-            leg["pressures"] = [_times(pressure, pressures) for pressure in leg["pressures"]]
+        for kind in factors:
+            if isinstance(leg.get("to"), dict) and leg["to"].get(kind) is not None:
+                leg["to"][kind] = text_of(_scaled(kind, leg["to"][kind], factors))
+            if listed := leg.get(f"{kind}s"):
+                leg[f"{kind}s"] = [text_of(_scaled(kind, load, factors)) for load in listed]
     of_surface = {f"surface.{name}": value for name, value in keys.items()}
     return study.changed(record=record, sweep=data["sweep"], fluid=data["fluid"] if gas else None, **of_surface)
 
 
-def _times(pressure: Any, factor: float) -> Any:
-    """Return a starred pressure times a factor; one with a unit as it is."""
-    return pressure * factor if isinstance(pressure, float) else pressure
+def _scaled(kind: str, load: Any, factors: Mapping[str, float]) -> Any:
+    """Return a starred pressure or a force times the factor of its kind; a pressure with a unit as it is."""
+    factor = factors.get(kind, 1.0)
+    if kind == "load":
+        force = load if isinstance(load, Quantity) else read(load, "force")
+        return Quantity(float(force) * factor, str(unit_of(force)))
+    return load if unit_of(load) or isinstance(load, str) else load * factor
 
 
 def compute(

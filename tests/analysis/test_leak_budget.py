@@ -70,6 +70,20 @@ def test_a_card_has_the_grid_twice_and_four_times_as_coarse(monkeypatch: pytest.
     assert plan.levelled is None
 
 
+@pytest.mark.parametrize("sweep", ["{loads: [10 mN, 20 mN]}", "{steps: 2, to: {load: 20 mN}}"])
+def test_a_force_on_another_grid_is_the_same_nominal_pressure(sweep: str) -> None:
+    """Elements of a free patch reach half a spacing over its sides, so a coarser grid has a larger area."""
+    plan = card_runs.plan(loads(ONE.replace("{steps: 4, to: {pressure: 1.2}}", sweep)), parse("load=20 mN"))
+    pressures, ends = [], []
+    for planned in (plan.fine, *plan.coarser):
+        area = (200.0 + 200.0 / 2 ** planned.study.surface.m[0]) ** 2
+        pressures.append(float(planned.level.value) / area)
+        ends.append(float(planned.study.sweep.legs[0].target.value) / area)
+    assert len(pressures) == 3
+    assert_allclose(pressures, 20.0 / 206.25**2, rtol=1e-9)
+    assert_allclose(ends, pressures, rtol=1e-9)
+
+
 @pytest.mark.parametrize(("rolloff", "grids"), [(12, 3), (20, 2), (40, 1)])
 def test_a_grid_too_coarse_for_the_waves_of_a_surface_is_left_out(rolloff: int, grids: int) -> None:
     text = f"surface: {{H: 0.8, rolloff: {rolloff}, n: 128, seeds: 1}}\nsweep: {{steps: 3, to: {{pressure: 0.6}}}}"
