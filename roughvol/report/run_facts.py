@@ -265,7 +265,9 @@ def _pressed(study: Study, region: str) -> list[tuple[str, str]]:
     """Return material, sweep and solver of a study; texts that do not apply are empty."""
     material, sweep, seal = study.material, study.sweep, study.seal
     unit = f" {material.unit}" if material.unit else ""
-    leaks = f"{seal.label}, flow along {seal.flow}; Q is the leak of the patch, Q_seal that of the seal" if seal else ""
+    leaks = "Q is the leak of the patch, Q_seal that of the seal"
+    if study.record.fluid_pressure is not None:
+        leaks += ", known of a seal as wide as a patch alone: fluid pressure lifts patches in a row differently"
     hardness, solver = "", ""
     if material.indentation_hardness is not None:
         acts = "pressures end there" if material.plastic else "for comparison alone, no yield is computed"
@@ -281,7 +283,7 @@ def _pressed(study: Study, region: str) -> list[tuple[str, str]]:
         ("Sweep", legs if sweep.steps else "none, surfaces alone"),
         ("Solver", solver),
         ("Region observed", region if study.record.region is not None else ""),
-        ("Seal", leaks),
+        ("Seal", f"{seal.label}, flow along {seal.flow}; {leaks}" if seal else ""),
     ]
 
 

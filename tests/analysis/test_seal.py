@@ -335,10 +335,16 @@ def test_a_seal_has_no_known_leak_beyond_a_sweep_that_ended_closed_along_one_axi
     assert "no surface is pressed to this load" in card_text.seal(of_seal)
 
 
-def test_a_fluid_pressure_that_differs_from_patch_to_patch_is_refused(tmp_path: Path) -> None:
-    text = COARSE.replace("record:", "record:\n  fluid_pressure: {inlet: 1 mbar}")
+def test_a_fluid_pressure_that_differs_from_patch_to_patch_is_refused(here: Path) -> None:
+    text = COARSE.replace("record:", "record:\n  fluid_pressure: {inlet: 1 mbar, coupling: one-way}")
+    text = text.replace("name: joint", "name: lifted")
     with pytest.raises(StudyError, match="a patch as wide as the seal"):
-        roughvol.card(loads(text), AT, out=tmp_path, jobs=1)
+        roughvol.card(loads(text), AT, jobs=1)
+    ran("lifted", text)
+    assert "Q_seal that of the seal, known of a seal as wide as a patch alone" in " ".join(
+        said("report", "lifted").split()
+    )
+    assert "Q_seal" not in said("show", "lifted")
 
 
 def test_read_offs_and_creep_are_those_of_the_seal(here: Path) -> None:
