@@ -5,6 +5,7 @@ python -m tests.bench.flow direct 9        one flow in light and heavy contact: 
 python -m tests.bench.flow levels 6        16 states by the size up to which grids and levels are factorised
 python -m tests.bench.flow gas 9           flows of a gas over those of a liquid, four states, three laws
 python -m tests.bench.flow lifted 9        a contact under fluid pressure: flows by gradients against factorised
+python -m tests.bench.flow coupled 5       states under fluid pressure, far from closing and near it: seconds, rounds
 python -m tests.bench.flow peer 512        one flow against reynoldsflow, errors against the flow to 1e-11
 python -m tests.bench.flow large 12 0.1    memory and time of one flow through the gap over a cut surface
 python -m tests.bench.flow card 10         the leak card of a mirrored map of D = 2.2, and its run on the finest grid
@@ -12,6 +13,7 @@ python -m tests.bench.flow errors 500      true errors over stated ones, random 
 python -m tests.bench.flow fewer 7         leaks read between fewer of 60 states of a sweep, D = 2.2, 2.5, 2.8
 """
 
+import functools
 import itertools
 import resource
 import sys
@@ -29,11 +31,15 @@ from threadpoolctl import threadpool_limits
 import roughvol
 from roughvol.campaign.workers import in_this_process
 from roughvol.contact import HalfSpace, sweep
+from roughvol.contact.loading import Trials
+from roughvol.contact.search import state_under
+from roughvol.contact.state import Contact
+from roughvol.errors import ConvergenceError
 from roughvol.gap import multigrid
 from roughvol.gap.constriction import constriction
 from roughvol.gap.gas import LAWS, GasFlow, conduction_of_gas
 from roughvol.gap.transport import Conduction, conduction
-from roughvol.observables.coupling import Coupling
+from roughvol.observables.coupling import Coupling, Lifted
 from roughvol.surfaces import random_midpoint_displacement
 from tests.gap.kit import any_gap
 
@@ -141,6 +147,31 @@ def lifted(m: int) -> None:
         found, seconds = timed(lambda: coupling.solve(state.mean_pressure, state))
         print(f"{words}: {seconds:.1f} s, {found.rounds} rounds, V* = {found.gap.mean():.10f}")
     multigrid.DIRECT = kept
+
+
+def coupled(m: int) -> None:
+    """Print seconds and rounds of states coupled in full: six surfaces, both axes, inlets 0.4 and 0.8 of the load."""
+    for load in (1.5, 4.0):
+        means, seconds, rounds = [], 0.0, 0
+        for seed, sides, axis, share in itertools.product((1, 2, 3), ("periodic", "mirrored"), (0, 1), (0.4, 0.8)):
+            made = random_midpoint_displacement(2.2, m, seed=seed, periodic=sides == "periodic")
+            surface = replace(made, sides=sides)
+            half_space = HalfSpace(surface.shape, sides=sides)
+            dry = state_under(Trials(surface, half_space, rtol=1e-9), load, 1.0)
+            joint = Coupling(surface, half_space, axis, share * load)
+            found, taken = timed(functools.partial(_found, joint, load, dry))
+            seconds += taken
+            if found is not None:
+                means, rounds = [*means, found.gap.mean()], rounds + found.rounds
+        print(f"p* = {load:g}: {len(means)} states, {seconds:.1f} s, {rounds} rounds, mean V* = {np.mean(means):.8f}")
+
+
+def _found(joint: Coupling, load: float, dry: Contact) -> Lifted | None:
+    """Return the coupled state, None where none is found."""
+    try:
+        return joint.solve(load, dry)
+    except ConvergenceError:
+        return None
 
 
 def peer(n: int) -> None:
@@ -265,6 +296,7 @@ if __name__ == "__main__":
                 "levels": levels,
                 "gas": gas,
                 "lifted": lifted,
+                "coupled": coupled,
                 "peer": peer,
                 "card": card,
                 "errors": errors,
