@@ -220,6 +220,16 @@ def test_bad_study_is_refused_in_words(here: Path, text: str, expected: list[str
     assert [path.name for path in here.iterdir()] == ["bad.yaml"]
 
 
+def test_bad_heights_are_refused_and_nothing_is_written(here: Path) -> None:
+    Path("z.txt").write_text("1 2 3\n4 nan 6\n7 8 9\n")
+    Path("bad.yaml").write_text("surface: {file: z.txt, L: 1 mm}\nsweep: {steps: 2}")
+    for command in ("check", "run"):
+        done = call(command, "bad.yaml")
+        assert (done.exit_code, done.stdout) == (2, ""), done.stderr
+        assert "z.txt" in done.stderr
+    assert sorted(path.name for path in here.iterdir()) == ["bad.yaml", "z.txt"]
+
+
 def test_an_address_that_no_scheduler_can_have_is_refused(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text("surface: {D: 2.3, m: 3}\nsweep: {steps: 1}")
     done = call("run", tmp_path / "s.yaml", "--scheduler", "nonsense", "--out", tmp_path / "out")

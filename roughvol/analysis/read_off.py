@@ -181,15 +181,17 @@ def _load_with_errors(curve: Curve, log_wanted: Callable[[Array], Array], errors
 def ask_closed(
     run: Dataset, unknown: str, *, pressure: float | None = None, errors: Mapping[str, Errors] | None = None
 ) -> list[Answer]:
-    """Return where the last way of any surface closes, along x and y: between two steps; arguments as for `ask`.
+    """Return where the last way of any surface closes, along x and y; arguments as for `ask`.
 
-    The value is that of the first closed step. Without units the pressure is p*.
+    The value is the solved closing load, or else that of the first closed step. Without units the pressure is p*.
     """
     run = checked(run, leaks=False)
     _check_unknown(run, unknown, pressure)
     run = derived(run, study_in(run))
     if not leak.ways(run) and closing.SOLVED not in run:
-        raise refused("the run does not follow its ways: add record.transport: {percolation: every-step} to its study")
+        raise refused(
+            "the run does not follow its ways: add closing: true, or percolation: every-step, to its record.transport"
+        )
     return [_answer(run, axis, _closing(run, axis, errors), unknown, pressure or 0.0) for axis in axes(run)]
 
 

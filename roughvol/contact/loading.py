@@ -252,16 +252,16 @@ class Trials:
         self.untouched = self.apart(self.problem.touch)
 
     def lowered(self, depth: Array) -> Trials:
-        """Return the trials on the surface whose elements lie lower by a depth over σ, flat."""
+        """Return the trials on the virgin surface with each element lower by a depth over σ (nodes,)."""
         trials = copy.copy(self)
-        trials.problem, trials.least = self.problem.on(Leg(self.problem.law, depth)), None
+        trials.problem, trials.least = self.problem.lowered(depth), None
         trials.untouched = trials.apart(trials.problem.touch)
         return trials
 
     def moved(self, contact: Contact, before: Trials) -> Contact:
         """Return a contact of the trials before, moved with the mean plane of the surface: a start, no solved state."""
         state = self.problem.moved(contact._state, before.problem)
-        state.indentation += float(before.problem.heights.mean() - self.problem.heights.mean())
+        state.indentation += before.problem.mean_height - self.problem.mean_height
         return self.problem.record(state)
 
     def apart(self, indentation: float) -> Contact:

@@ -68,6 +68,15 @@ class Problem:
         problem.leg, problem.heights = leg, self._virgin if leg.plastic is None else self._virgin - leg.plastic
         return problem
 
+    def lowered(self, depth: Array) -> Problem:
+        """Return the problem on a surface whose elements lie lower by a depth over σ (nodes,), σ as it is."""
+        problem = copy.copy(self)
+        problem.__dict__.pop("touch", None)
+        heights = self._virgin - depth
+        problem.heights = problem._virgin = heights - heights.max()
+        problem.mean_height = float(problem.heights.mean())
+        return problem
+
     def moved(self, state: State, before: Problem) -> State:
         """Return a state of the problem before with its gaps to the heights of this one."""
         touch_at = state.touch_at + (before.heights - self.heights)

@@ -67,6 +67,7 @@ class Lifted:
     """A contact under load and fluid pressure: gap over σ (0 in contact), P and total P + e in the unit of p*.
 
     ``rounds`` counts solves under a new P. ``residual`` is η/σ or, if larger, the last change of P/drop when coupled.
+    ``contact`` is that of the excess e on the surface lowered by K P, one of its ``trials``.
     """
 
     gap: Array
@@ -150,10 +151,10 @@ class Coupling:
         shape = FluidField(gap, self.axis, periodic=self.surface.periodic).pressure
         return self.outlet + self.drop * shape
 
-    def under(self, fluid: Array, load: float, near: Contact | Lifted, stiffness: float | None = None) -> Lifted:
+    def under(self, fluid: Array, load: float, near: Lifted, stiffness: float | None = None) -> Lifted:
         """Return the contact under a fluid pressure [p*], at a load that is the mean of the total pressure.
 
-        The search starts from a contact near it, whose stiffness dp*/d(Δ/σ) may be known. `Opening` if the fluid alone
+        The search starts from a contact near it, whose stiffness dp*/d(Δ'/σ) may be known. `Opening` if the fluid alone
         carries more than the load.
         """
         excess = load - float(fluid.mean())
@@ -161,23 +162,28 @@ class Coupling:
             message = f"the mean fluid pressure is p* = {fluid.mean():.6g}; allowed: below the load, p* = {load:.6g}"
             raise Opening(message)
         trials = self.trials.lowered(self.displacement((fluid / (np.pi * self.surface.intervals[0])).ravel()))
-        begin = (
-            trials.moved(near, self.trials) if isinstance(near, Contact) else trials.moved(near.contact, near.trials)
-        )
+        begin = trials.moved(near.contact, near.trials)
         guess = begin.approach + ((excess - begin.mean_pressure) / stiffness if stiffness else 0.0)
         state = state_under(trials, excess, guess, begin, stiffness)
         return Lifted(state.gap(), fluid, fluid + state.pressure(), 1, state.residual, state, trials)
 
+    def without_fluid(self, dry: Contact) -> Lifted:
+        """Return a contact without fluid as one under P = 0."""
+        pressure = dry.pressure()
+        return Lifted(dry.gap(), np.zeros_like(pressure), pressure, 0, dry.residual, dry, self.trials)
+
     def one_way(self, load: float, dry: Contact) -> Lifted:
         """Return the contact under the fluid pressure of the dry gap, to first order in the fluid pressure."""
-        return self.under(self.fluid_in(dry.gap()), load, dry)
+        near = self.without_fluid(dry)
+        return self.under(self.fluid_in(near.gap), load, near)
 
-    def solve(self, load: float, near: Contact) -> Lifted:
+    def solve(self, load: float, dry: Contact) -> Lifted:
         """Return the coupled state of a joint pressed first and pressurised then, from the contact without fluid.
 
         A joint that opens is a `ContactError`; no state, and no proof of opening, a `ConvergenceError`.
         """
-        fluid, reached, rounds, rises = self.fluid_in(near.gap()), 0.0, 0, RISES
+        near = self.without_fluid(dry)
+        fluid, reached, rounds, rises = self.fluid_in(near.gap), 0.0, 0, RISES
         while reached < 1.0:
             tried = set[tuple[float, Settle]]()
             for rise, settle in rises:
@@ -205,14 +211,14 @@ class Coupling:
                 raise unsettled
         return replace(state, rounds=rounds)
 
-    def _softened(self, fluid: Array, load: float, near: Contact) -> Lifted:
+    def _softened(self, fluid: Array, load: float, near: Lifted) -> Lifted:
         """Return the state to which P relaxes as closed elements conduct less and less; P then changes slowly at first.
 
         Starts are the fluid pressure, that of the dry gap, and that of a wide gap. Where a way is about to close, g³ is
         of the order of the conductance k of a closed element: P goes about with k^(1/3). Two states give the next P.
         """
         rounds = 0
-        for start in (fluid, self.fluid_in(near.gap()), self.fluid_in(np.ones(self.surface.shape))):
+        for start in (fluid, self.fluid_in(near.gap), self.fluid_in(np.ones(self.surface.shape))):
             known, failed = list[tuple[float, Array]](), 0
             for least in (*SOFTER, LEAST):
                 at = least ** (1.0 / 3.0)
@@ -229,7 +235,7 @@ class Coupling:
                     return replace(state, rounds=rounds)
         raise last
 
-    def _relaxed(self, fluid: Array, load: float, near: Contact, least: float = LEAST) -> Lifted:
+    def _relaxed(self, fluid: Array, load: float, near: Lifted, least: float = LEAST) -> Lifted:
         """Return the state to which a fluid pressure relaxes, closed elements having a given conductance."""
         mean = float(fluid.mean())
         if mean >= load:  # the fluid alone carries the load: damped back
@@ -258,7 +264,8 @@ class Coupling:
             f"fluid pressure still changes by {here.size / self.drop:.2g} of the drop, and it is not shown that the "
             "joint opens"
         )
-        raise ConvergenceError(message, indentation=near.indentation, iterations=ROUNDS, residual=here.size / self.drop)
+        left, indentation = here.size / self.drop, near.contact.indentation
+        raise ConvergenceError(message, indentation=indentation, iterations=ROUNDS, residual=left)
 
     def displacement(self, pressure: Array) -> Array:
         """Return u over σ under a scaled pressure on every element, both flat."""
@@ -288,7 +295,7 @@ class Round:
 
     @property
     def stiffness(self) -> float:
-        """dp*/d(Δ/σ) of the contact."""
+        """dp*/d(Δ'/σ) of the contact."""
         coupling = self._coupling
         return float(np.pi * coupling.surface.intervals[0] * self._response.rates.sum() / self.state.gap.size)
 
@@ -332,7 +339,7 @@ def _on_line(known: list[tuple[float, Array]], at: float) -> Array:
     return value + (at - place) / (place - place_before) * (value - before)
 
 
-Settle = Callable[[Coupling, Array, float, Contact], Lifted]
+Settle = Callable[[Coupling, Array, float, Lifted], Lifted]
 
 _HALVED = (1.0, 0.5, 0.25, 0.125)
 _FARTHER = ((1.0, Coupling._softened), (2.0, Coupling._softened))

@@ -56,6 +56,17 @@ def test_indentation_for_a_pressure_meets_it(sides, kernel):
         assert state.mean_pressure == pytest.approx(value, rel=1e-9)
 
 
+def test_the_state_under_a_load_does_not_depend_on_how_low_the_whole_surface_lies():
+    surface, space = kit.fractal(4), kit.half_space((17, 17))
+    trials = Trials(surface, space, rtol=1e-11)
+    for depth in (-5.0, -0.3, 50.0):
+        lowered = trials.lowered(np.full(surface.heights.size, depth))
+        for value, guess in ((1e-3, -0.299), (1e-3, 2.0), (1.0, 0.001)):
+            found, wanted = (state_under(at, value, guess) for at in (lowered, trials))
+            assert found.approach == pytest.approx(wanted.approach, rel=1e-9)
+            assert found.free_volume == pytest.approx(wanted.free_volume, rel=1e-9)
+
+
 @kit.every_side
 def test_search_for_a_free_volume_next_to_that_of_the_first_touch(sides):
     """0.11.1 went on to an indentation of 1e-322 where the difference was that of rounding."""

@@ -82,11 +82,13 @@ def test_the_contact_under_a_fluid_pressure_is_that_of_the_lowered_surface(press
     lowered = Surface(surface.heights - lift, surface.spacing, sides=surface.sides)
     ratio = lowered.unit / surface.unit
     cold = state_under(Trials(lowered, half_space, rtol=1e-11), (LOAD - float(fluid.mean())) / ratio, 1.0)
-    first = both.under(0.5 * fluid, LOAD, dry)
-    for near in (dry, first):
+    without = both.without_fluid(dry)
+    first = both.under(0.5 * fluid, LOAD, without)
+    for near in (without, first):
         state = both.under(fluid, LOAD, near, stiffness)  # a wrong stiffness costs solves alone
         assert_allclose(state.gap, cold.gap() * ratio, atol=1e-8)
         assert_allclose(state.pressure, fluid + cold.pressure() * ratio, atol=1e-5)
+        assert state.contact.free_volume == pytest.approx(float(state.gap.mean()), rel=1e-9)
 
 
 def test_one_way_is_the_first_order_of_the_coupling(pressed):
@@ -153,10 +155,10 @@ def test_a_softened_joint_settles_in_few_rounds_in_the_state_that_many_rounds_fi
     assert not percolates(dry.gap() > 0.0, 0, periodic=True)
     coupled = Coupling(surface, half_space, 0, 2.5)
     fluid = coupled.fluid_in(dry.gap())
-    state = coupled._softened(fluid, 4.0, dry)
+    state = coupled._softened(fluid, 4.0, coupled.without_fluid(dry))
     assert state.rounds <= 60
     monkeypatch.setattr(coupling, "_on_line", lambda known, at: known[-1][1])  # each state from the last alone
-    slow = coupled._softened(fluid, 4.0, dry)
+    slow = coupled._softened(fluid, 4.0, coupled.without_fluid(dry))
     assert slow.rounds > 100
     assert_allclose(state.gap, slow.gap, atol=1e-6)
 
