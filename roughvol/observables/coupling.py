@@ -240,7 +240,7 @@ class Coupling:
         mean = float(fluid.mean())
         if mean >= load:  # the fluid alone carries the load: damped back
             fluid = fluid * ((1.0 - OPENS) * load / mean)
-        here, drag = Round(self, self.under(fluid, load, near), least), 0.0
+        here, drag, refused = Round(self, self.under(fluid, load, near), least), 0.0, False
         for rounds in range(1, ROUNDS):
             state, fluid = here.state, here.state.fluid
             if here.size <= ACCURACY * self.drop:
@@ -254,11 +254,12 @@ class Coupling:
             elif load - fluid.mean() <= OPENS * load and (fluid + here.left).mean() >= load:
                 raise Opening(f"contact is lost at an inlet of p* = {self.inlet:.6g}")
             if error > TRUST or (drag == 0.0 and there.norm >= here.norm):
-                drag = max(1.0, 4.0 * drag)
+                drag, refused = max(1.0, 4.0 * drag), True
                 continue
             here = there
-            if error < 0.5 * TRUST:
-                drag = drag / 8.0 if drag > 0.2 else 0.0
+            if error < 0.5 * TRUST and not refused:  # the step after a refused one is no longer
+                drag = drag / 4.0 if drag > 0.2 else 0.0
+            refused = False
         message = (
             f"no state of contact and flow is found at p* = {load:.6g} and an inlet of p* = {self.inlet:.6g}: the "
             f"fluid pressure still changes by {here.size / self.drop:.2g} of the drop, and it is not shown that the "
