@@ -296,7 +296,7 @@ class Round:
 
     @property
     def stiffness(self) -> float:
-        """dp*/d(Δ'/σ) of the contact."""
+        """Stiffness dp*/d(Δ'/σ) of the contact."""
         coupling = self._coupling
         return float(np.pi * coupling.surface.intervals[0] * self._response.rates.sum() / self.state.gap.size)
 
