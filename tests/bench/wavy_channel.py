@@ -56,9 +56,9 @@ class Channel:
     def _pressed(self, both: Coupling, load: float, fluid: np.ndarray) -> Lifted:
         """Return the state of a joint that is pressed farther under the fluid pressure of another state."""
         try:
-            return both._relaxed(fluid, load * self.closed, self.near)
+            return both._relaxed(fluid, load * self.closed, both.without_fluid(self.near))
         except ConvergenceError:
-            return both._softened(fluid, load * self.closed, self.near)
+            return both._softened(fluid, load * self.closed, both.without_fluid(self.near))
 
 
 def is_open(state: Lifted) -> bool:
