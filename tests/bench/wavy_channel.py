@@ -20,7 +20,7 @@ from roughvol.gap.clusters import percolates
 from roughvol.observables.coupling import Coupling, Lifted
 from roughvol.surfaces.surface import Surface
 
-PRESSURES = ((0.1, 0.0), (0.2, 0.0), (0.3, 0.0), (0.4, 0.0), (0.2, 0.1), (0.4, 0.2))  # inlet, outlet
+PRESSURES = ((0.1, 0.0), (0.2, 0.0), (0.4, 0.0), (0.6, 0.0), (0.2, 0.1), (0.4, 0.2))  # inlet, outlet
 
 
 class Channel:
