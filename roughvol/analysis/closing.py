@@ -41,7 +41,7 @@ def load_of(group: Dataset) -> str:
 
 
 def spans(group: Dataset, axis: str, load: str = "") -> list[Span]:
-    """Return where the last way along an axis of each surface closes; empty where neither is recorded.
+    """Return where the last way along an axis of each surface closes; empty without a record of it.
 
     ``group`` is one loading leg with the ways of `derived.derived`; under fluid pressure they are those of the dry gap.
     Surfaces without a computed state are left out. Default of ``load``: the variable of `load_of`.

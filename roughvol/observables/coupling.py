@@ -67,7 +67,7 @@ class Lifted:
     """A contact under load and fluid pressure: gap over σ (0 in contact), P and total P + e in the unit of p*.
 
     ``rounds`` counts solves under a new P. ``residual`` is η/σ or, if larger, the last change of P/drop when coupled.
-    ``contact`` is that of the excess e on the surface lowered by K P, one of its ``trials``.
+    ``contact`` has the excess e alone. It is one of the ``trials`` on the surface lowered by K P.
     """
 
     gap: Array
@@ -240,7 +240,7 @@ class Coupling:
         mean = float(fluid.mean())
         if mean >= load:  # the fluid alone carries the load: damped back
             fluid = fluid * ((1.0 - OPENS) * load / mean)
-        here, drag, refused = Round(self, self.under(fluid, load, near), least), 0.0, False
+        here, drag, shortened = Round(self, self.under(fluid, load, near), least), 0.0, False
         for rounds in range(1, ROUNDS):
             state, fluid = here.state, here.state.fluid
             if here.size <= ACCURACY * self.drop:
@@ -254,12 +254,12 @@ class Coupling:
             elif load - fluid.mean() <= OPENS * load and (fluid + here.left).mean() >= load:
                 raise Opening(f"contact is lost at an inlet of p* = {self.inlet:.6g}")
             if error > TRUST or (drag == 0.0 and there.norm >= here.norm):
-                drag, refused = max(1.0, 4.0 * drag), True
+                drag, shortened = max(1.0, 4.0 * drag), True
                 continue
             here = there
-            if error < 0.5 * TRUST and not refused:  # the step after a refused one is no longer
+            if error < 0.5 * TRUST and not shortened:  # the step after a shortened one is no longer
                 drag = drag / 4.0 if drag > 0.2 else 0.0
-            refused = False
+            shortened = False
         message = (
             f"no state of contact and flow is found at p* = {load:.6g} and an inlet of p* = {self.inlet:.6g}: the "
             f"fluid pressure still changes by {here.size / self.drop:.2g} of the drop, and it is not shown that the "
