@@ -241,6 +241,9 @@ def test_a_figure_says_which_gap_it_shows_and_of_what_its_points_are() -> None:
     ran("lifted", LIFTED)
     assert "The gap without fluid pressure." in _note("lifted", "v_of_p")
     assert "without fluid pressure" not in _note("leaking", "v_of_p")
+    (legend,) = (ax.get_legend() for ax in roughvol.plot("lifted", "leak_of_p").axes)
+    wanted = {f"along ${axis}$ without fluid pressure, each surface" for axis in "xy"}
+    assert wanted <= {text.get_text() for text in legend.get_texts()}
     titles = {run: _title(run, "leak_of_p") for run in ("lifted", "leaking")}
     assert "each of 2 surfaces" in titles["lifted"]  # one state has no curve
     assert "median" not in titles["lifted"]

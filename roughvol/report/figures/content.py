@@ -206,9 +206,9 @@ def _legend(ax: Axes, some: Sequence[Family], closed: set[str], title: str, *, d
         look = ways.look_of(some[0], axis, alone=True) | plain[0] if alone else {"color": GREY, "ls": ways.LINES[axis]}
         handles.append(Line2D([], [], label=f"along ${axis}$", **look))
     handles += ways.closed_handles(closed, "closed")
-    if dry:
-        words = "without fluid pressure" + ", each surface" * bool(number)
-        handles.append(Line2D([], [], color=GREY, lw=0.6, label=words))
+    words = "without fluid pressure" + ", each surface" * bool(number)
+    for axis in AXES if dry else ():
+        handles.append(Line2D([], [], color=GREY, lw=0.6, ls=ways.LINES[axis], label=f"along ${axis}$ {words}"))
     legend(ax, "; ".join(filter(None, heading)), handles)
 
 
