@@ -23,15 +23,21 @@ CONDUCTIVITY = "W/m/K"
 
 
 def derived(ds: Dataset, study: Study | None) -> Dataset:
-    """Return a dataset with mean gap, nominal pressure, open ways, stiffness, and the leak that counts."""
+    """Return a dataset with mean gap, nominal pressure, open ways, stiffness, and the leak that counts.
+
+    The loads of an unloaded surface are 0.
+    """
     found = _stiffness(ds, study)
+    if P in ds:  # an unloaded surface has p* of rounding
+        loads = {name: ds.variables[name] for name in (P, "nominal_pressure") if name in ds}
+        unloaded = abs(ds.variables[P]) <= ROUNDING
+        ds = ds.assign({name: load.where(~unloaded, 0.0) for name, load in loads.items()})
     if "mean_gap" not in ds and {"Sq", V} <= set(ds):
         gap = found["mean_gap"] = ds.variables[V] * sigma(ds)
         gap.attrs |= {"units": ds.attrs.get("length_unit", "length"), "symbol": "g_mean"}
     nominal = nominal_pressure(ds, study)
-    if nominal is not None and P in ds:  # an unloaded surface has p* of rounding
-        loaded = nominal.where(abs(ds.variables[P]) > ROUNDING, 0.0 * nominal)
-        found["nominal_pressure"] = nominal.copy(data=loaded.values)
+    if nominal is not None:
+        found["nominal_pressure"] = nominal
     evidence = [ds.variables[name] for name in EVIDENCE if name in ds]
     known = [is_open(flow) for flow in evidence if not np.isnan(flow.values).all()]
     if known:  # a record may have them at different steps

@@ -34,7 +34,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roughvol.analysis.derived import ROUNDING
 from roughvol.analysis.leak import is_lifted
 from roughvol.analysis.leak_card import Part, together
 from roughvol.analysis.legs import first_leg
@@ -299,8 +298,7 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
         several = leaks.ndim > 2
         draws = FEW_DRAWS if several else DRAWS
         states_of = leaks.values.reshape(-1, *leaks.shape[-2:])
-        starred = states["mean_pressure"]
-        loads = starred.where(~(abs(starred) <= ROUNDING), 0.0) * states["Sq"]  # an unloaded surface has p* of rounding
+        loads = states["mean_pressure"] * states["Sq"]
         spread = loads.max("seed") - loads.min("seed") <= ONE_LOAD * abs(loads).max("seed")
         have_one = spread.transpose(*leaks.dims[:-2]).values.ravel() | (states_of == 0.0).all(axis=(1, 2))
         every = states.sizes["seed"] == surfaces.sizes["seed"]

@@ -13,7 +13,7 @@ from roughvol.analysis import seal
 from roughvol.analysis.at import state_at
 from roughvol.analysis.average import average
 from roughvol.analysis.closing import load_of
-from roughvol.analysis.derived import ROUNDING, derived, groups
+from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.leak import is_lifted
 from roughvol.analysis.leak_budget.grid import NO_COARSER, Finer, grid_part, grid_part_of_load
 from roughvol.analysis.leak_budget.levelling import Levelled, levelling_part, levelling_part_of_load
@@ -186,12 +186,11 @@ def _of_quadrants(surface: Loaded) -> Array:
 
 
 def _surface(surface: Loaded) -> SurfaceAtLoad:
-    load = surface.number("mean_pressure")
     return SurfaceAtLoad(
         name=surface.name,
         Sq=float(surface.table["Sq"][0]),
         Sdq=float(surface.table["Sdq"][0]),
-        mean_pressure=0.0 if abs(load) <= ROUNDING else load,  # an unloaded surface has p* of rounding
+        mean_pressure=surface.number("mean_pressure"),
         nominal_pressure=surface.number("nominal_pressure"),
         contact_area=surface.number("contact_area_fraction"),
         free_volume=surface.number("free_volume"),
