@@ -64,8 +64,11 @@ def widened(results: Dataset) -> Dataset:
     """Return a dataset with the dimensions of all lists, surfaces and recorded states."""
     full = results.expand_dims(names) if (names := chosen(results)) else results
     if "ensemble_at" in results:  # its means are of all surfaces, and have no dimension seed, and most no m
-        of_means = {name: [dim for dim in names if dim in dims] for name, dims in _means_of(results).items()}
-        full = full.assign({name: results[name].expand_dims(dims) for name, dims in of_means.items()})
+        of_means = {
+            name: results[name].expand_dims([dim for dim in dims if dim not in results[name].dims]).transpose(*dims)
+            for name, dims in _means_of(results).items()
+        }
+        full = full.drop_vars("ensemble_at").assign(of_means)
     for dim in recorded(full):
         rows = {str(name): VARIABLES[str(name)].dims.split() for name in full.data_vars if name in VARIABLES}
         along = {name: full[name].expand_dims(dim) for name, dims in rows.items() if dim in dims}
@@ -80,7 +83,7 @@ def _means_of(results: Dataset) -> dict[str, list[str]]:
     found = {}
     for name, variable in ((str(name), variable) for name, variable in results.data_vars.items()):
         end = max((end for end in MEAN_ENDS if name.endswith(end)), key=len, default="")
-        row = VARIABLES.get(name) or VARIABLES[f"free_volume{end if 'ensemble_at' in variable.dims else ''}"]
+        row = VARIABLES.get(name) or VARIABLES[f"free_volume{'' if 'step' in variable.dims else end}"]
         if not row.dims.startswith("..."):
             found[name] = row.dims.split()
     return found

@@ -1,5 +1,7 @@
 """The figure of an ensemble: one line for each D, beside that of plain Monte Carlo."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from xarray import Dataset
@@ -94,14 +96,15 @@ def test_the_right_panel_names_its_mean_and_is_empty_where_every_mean_is_zero(re
     assert (len(right.lines), right.get_title()) == (0, "every mean is 0")
 
 
-def test_a_choice_of_the_finest_level_keeps_the_means_of_all_surfaces(results: Dataset) -> None:
+@pytest.mark.parametrize("chosen", [{"m": 6}, {"ensemble_at": "pressure=0.3"}])
+def test_a_choice_by_labels_keeps_the_means_of_all_surfaces(results: Dataset, chosen: dict[str, Any]) -> None:
     own = {
         f"rms_gap_{end}": results[f"free_volume_{end}"] for end in ("mean", "accuracy_asked", "interval", "level_mean")
     }
     every = results.assign(own)
-    one = widened(every.sel(m=6))
+    one = widened(every.sel(chosen))
     for name in every.data_vars:
         assert set(one[name].dims) == set(every[name].dims), name
-    drawn = [FIGURES["ensemble_cost"](data).axes[2].lines for data in (results, widened(results.sel(m=6)))]
+    drawn = [FIGURES["ensemble_cost"](data).axes[2].lines for data in (results, widened(results.sel(chosen)))]
     for whole, part in zip(*drawn, strict=True):
         np.testing.assert_array_equal(whole.get_xydata(), part.get_xydata())
