@@ -24,3 +24,9 @@ def test_factors_without_pint_have_the_bits_of_pint_0_25_and_agree_with_older_on
         for value in (1.0, 0.1, 5.0, 293.15, 1e-7 / 3.0):
             expected = REGISTRY.Quantity(value, given).to(wanted).magnitude
             assert convert(value, given, wanted) == pytest.approx(expected, rel=1e-15 if older else 0.0, abs=0.0)
+
+
+@pytest.mark.parametrize(("dotted", "same"), [("mPa.s", "mPa*s"), ("mbar.l/s", "mbar*l/s"), ("kg.m^-1.s^-1", "Pa*s")])
+def test_a_dot_between_units_is_a_product(dotted: str, same: str) -> None:
+    kind = next(kind for kind, row in KINDS.items() if same in row.units)
+    assert convert(read(f"2.5 {dotted}", kind), dotted, same) == pytest.approx(2.5)

@@ -14,8 +14,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple, Self
 
-from pydantic import AfterValidator, GetCoreSchemaHandler
-from pydantic_core import PydanticCustomError, core_schema
+from pydantic import AfterValidator, GetCoreSchemaHandler, ValidationError
+from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
 from roughvol.study.plain_data import number_text, printable
 from roughvol.study.values.types import Form, Positive, refuse
@@ -60,7 +60,8 @@ FACTORS: dict[str, dict[str, float]] = {
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?![eE][-+]?\d)(\D.*)", re.ASCII | re.DOTALL)
 # Words, small powers, products and quotients. Other arithmetic of pint is refused.
 _POWER = r"(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³⁴-⁹])?"
-_UNIT = re.compile(rf"°?[^\W\d_]{{1,30}}{_POWER}(?:(?: ?[*·/] ?| )[^\W\d_]{{1,30}}{_POWER}){{0,5}}")
+_UNIT = re.compile(rf"°?[^\W\d_]{{1,30}}{_POWER}(?:(?: ?[*·/] ?|[. ])[^\W\d_]{{1,30}}{_POWER}){{0,5}}")
+_DOT = re.compile(r"·|\.(?=[^\W\d])")
 _STANDARD = re.compile(r"(?:sccm|sccs|standard_liter_per_minute)\b")  # pint's full names, behind a prefix
 ROUNDING = 1e-12  # relative, of two numbers in different units
 _NOT_KNOWN = (AttributeError, ValueError, TypeError, AssertionError)  # bases of pint's errors beside PintError
@@ -251,7 +252,12 @@ class In(Form):
         if match is None:
             plain = "" if self.needed else "a number, or "
             refuse(f"must be {plain}a number with a unit of {self.kind}, as in {KINDS[self.kind].example}")
-        return Quantity(inner(float(match[1])), _checked(match[2], self.kind))
+        try:
+            number = inner(float(match[1]))
+        except ValidationError as error:  # of the number; the message has it with its unit
+            wrong = [InitErrorDetails(type=e["type"], input=value, ctx=e.get("ctx", {})) for e in error.errors()]
+            raise ValidationError.from_exception_data(error.title, wrong) from error
+        return Quantity(number, _checked(match[2], self.kind))
 
 
 def text_of(value: Any) -> Any:
@@ -325,7 +331,8 @@ def _dimension(unit: str) -> str | None:
 
 
 def _spelled(unit: str) -> str:
-    return unit.replace("·", "*").replace("°", "deg")
+    """Return a unit in the spelling of pint; a dot before a letter is a product."""
+    return _DOT.sub("*", unit).replace("°", "deg")
 
 
 @functools.cache
