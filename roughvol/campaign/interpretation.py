@@ -52,7 +52,7 @@ def text(surface: Surface, case: Case, cases: int = 1) -> str:
         f"spacing {spacing:.6g}{unit}",
         f"sides {surface.sides}: {BEYOND[surface.sides]}",
     ]
-    if case.file is None:
+    if case.file is None or cases > 1:
         lines.append(case.label + f", the first of {cases} cases" * (cases > 1))
     roughness = f"Sq = {surface.Sq:.6g}{unit}, Sdq = {texture.Sdq(surface.with_neighbours, spacing):.4g}"
     if surface.Sq > 0.0:

@@ -13,7 +13,7 @@ from roughvol.campaign import interpretation
 from roughvol.errors import CampaignError, RoughvolWarning
 from roughvol.study import loads
 from tests.campaign.kit import noise
-from tests.kit import call
+from tests.kit import call, said
 
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -101,3 +101,11 @@ def test_a_fine_generated_surface_is_shown_by_numbers_alone() -> None:
     surface = interpretation.shown(coarse, None)
     assert surface is not None
     np.testing.assert_allclose(surface.Sq, 2e-3)
+
+
+def test_the_file_that_is_shown_of_several_is_named() -> None:
+    for name in ("a", "b"):
+        np.save(f"{name}.npy", HEIGHTS)
+    for files, named in (("[a.npy]", False), ("[a.npy, b.npy]", True)):
+        Path("of.yaml").write_text(f"surface: {{files: {files}, L: 1 mm, heights_unit: m}}\n")
+        assert ("a.npy, the first of 2 cases" in said("check", "of.yaml")) == named
