@@ -54,15 +54,21 @@ class Response:
         return approximate_inverse(self._half_space, self._elements, q, zero, every, (zero, zero), self._tuning)[0]
 
     def _conjugate_gradients(self, right: Array) -> Array:
-        """Solve by conjugate gradients; directions are made conjugate by the formula that bears an inexact inverse."""
+        """Solve by conjugate gradients; directions are made conjugate by the formula that bears an inexact inverse.
+
+        M⁻¹ has numbers of 32 bits: displacements are brought to the order of 1, by a power of two.
+        """
+        order = int(np.frexp(np.abs(right).max())[1])
+        right = np.ldexp(right, -order)
         tolerance = ACCURACY * float(np.abs(right).max())
-        q, r = np.zeros(right.size), right.astype(np.float64, copy=True)
+        q, r = np.zeros(right.size), right
         direction, r_before, rz = np.zeros(right.size), r, 1.0
         for iteration in range(self._tuning.iterations):
             if float(np.abs(r).max()) <= tolerance:
                 r = right - self._half_space.displacement_at(self._elements, q)  # rounding adds up in r
                 if float(np.abs(r).max()) <= tolerance:
-                    return q
+                    scaled: Array = np.ldexp(q, order)
+                    return scaled
             z = self._inverse(r).astype(np.float64)
             rz_before, rz = rz, float(r @ z)
             direction *= max(0.0, (rz - float(r_before @ z)) / rz_before) if iteration else 0.0

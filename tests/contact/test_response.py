@@ -52,6 +52,14 @@ def test_the_response_is_the_change_of_a_solved_contact(sides, hardness):
     assert np.abs(above - below)[sets[1] != 1].max() == 0.0
 
 
+def test_small_displacements_have_small_pressures():
+    """The inverse of the solver has 32 bits, and no number below 1e-45."""
+    asked = random(3).normal(size=81)
+    response = Response(half_space((9, 9)), np.arange(81), tuning=ITERATIVE)
+    for small in (2.0**-120, 2.0**-1000):
+        np.testing.assert_array_equal(response.pressure(small * asked), small * response.pressure(asked))
+
+
 def test_an_accuracy_that_is_not_reached_is_an_error():
     response = Response(half_space((9, 9)), np.arange(81), tuning=Tuning(dense_up_to=0, iterations=1))
     with pytest.raises(ConvergenceError, match="linear response of 81 elements"):
