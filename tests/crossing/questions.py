@@ -390,7 +390,7 @@ def run(made: Made) -> int:
 def check_means(made: Made, text: str) -> int:
     """Compare the means of an ensemble with their intervals, in the lines below a table."""
     found = re.findall(
-        r"^mean (\S+) at (\w+) = ([\d.]+), D = ([\d.]+), m = \d+: ([\d.]+) ± ([\d.]+) %", text, re.MULTILINE
+        r"^mean (\S+) at (\w+) = ([\d.]+(?: \w+)?), D = ([\d.]+), m = \d+: ([\d.]+) ± ([\d.]+) %", text, re.MULTILINE
     )
     means = [yaml.safe_load(made.kind.study).get("ensemble", {}).get(key, {}) for key in ("accuracy", "at")]
     assert len(found) == len(means[0]) * len(means[1].get("pressure", ()))
