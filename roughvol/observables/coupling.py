@@ -36,7 +36,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator, gmres
 
 from roughvol.contact.loading import Compliance, Contact, Trials
 from roughvol.contact.response import Response
@@ -59,7 +58,8 @@ TRUST = 0.25  # largest error of the linear F over the change of P that is left
 OPENS = 1e-3  # share of the load on a contact that is about to be lost
 SOFTER = tuple(10.0**-digit for digit in range(1, 8))  # conductances of closed elements on the way to `LEAST`
 FAILED = 2  # conductances without convergence and no state between them, from which a start is given up
-_GMRES = {"rtol": 1e-3, "restart": 60, "maxiter": 2}
+LINEAR = 1e-3  # residual of the linear equations of a round over F(P) - P
+KRYLOV = 60  # most vectors of their Krylov space
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,6 +288,10 @@ class Round:
         self.size, self.norm = float(np.abs(self.left).max()), float(np.linalg.norm(self.left))
         gap = state.gap.ravel()
         self._open, self._closed = np.flatnonzero(gap > 0.0), np.flatnonzero(gap == 0.0)
+        right = self.left.ravel()[self._open]
+        self._right = float(np.linalg.norm(right))
+        self._basis, self._images = [right / (self._right or 1.0)], list[Array]()  # F' of the basis on every element
+        self._projected = np.zeros((KRYLOV + 1, KRYLOV))
 
     @cached_property
     def _response(self) -> Response:
@@ -301,20 +305,34 @@ class Round:
         return float(np.pi * coupling.surface.intervals[0] * self._response.rates.sum() / self.state.gap.size)
 
     def step(self, drag: float) -> tuple[Array, Array]:
-        """Return the change x of P with (1 + drag) x - F' x = F(P) - P, and F(P) - P after it by the linear F."""
-        left, open_ = self.left.ravel(), self._open
+        """Return the change x of P with (1 + drag) x - F' x = F(P) - P, and F(P) - P after it by the linear F.
 
-        def apply(change: Array) -> Array:
-            result: Array = (1.0 + drag) * change - self._change(change)[open_]
-            return result
+        GMRES on open elements. The Krylov space of F' is that of every drag, and is kept (Frommer & Glässner, SIAM J.
+        Sci. Comput. 19 (1998) 15).
+        """
+        for count in range(1, KRYLOV + 1):
+            if count > len(self._images):
+                self._extend()
+            matrix = (1.0 + drag) * np.eye(count + 1, count) - self._projected[: count + 1, :count]
+            right = self._right * np.eye(count + 1)[0]
+            weights = np.linalg.lstsq(matrix, right)[0]
+            if np.linalg.norm(matrix @ weights - right) <= LINEAR * self._right:
+                break
+        of_flow = (weights @ np.array(self._images[:count])).reshape(self.left.shape)
+        change = (self.left + of_flow) / (1.0 + drag)
+        return change, self.left - change + of_flow
 
-        operator = LinearOperator((open_.size, open_.size), matvec=apply, dtype=np.float64)
-        inside = gmres(operator, left[open_], **_GMRES)[0]
-        of_flow = self._change(inside)
-        change = (left + of_flow) / (1.0 + drag)
-        change[open_] = inside
-        shape = self.left.shape
-        return change.reshape(shape), (left - change + of_flow).reshape(shape)
+    def _extend(self) -> None:
+        """Add F' of the last vector of the basis, and the next vector (Arnoldi)."""
+        count = len(self._basis)
+        image = self._change(self._basis[-1])
+        new = image[self._open]
+        for row, vector in enumerate(self._basis):
+            self._projected[row, count - 1] = vector @ new
+            new = new - self._projected[row, count - 1] * vector
+        self._projected[count, count - 1] = norm = float(np.linalg.norm(new))
+        self._images.append(image)
+        self._basis.append(new / (norm or 1.0))
 
     def _change(self, fluid: Array) -> Array:
         """Return F' x on every element, flat, for the change x of P on open elements."""
