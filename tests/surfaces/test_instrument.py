@@ -160,6 +160,7 @@ def test_of_several_arrays_one_must_be_named(tmp_path):
     refused(path, r"has no array 'Z'; arrays in the file: .*z \(6, 5\)", "Z")
     _hdf5(path, {"z": HEIGHTS, "dx": np.full((1, 1), 0.5), "corners": np.zeros((2, 2))})
     same(path, HEIGHTS)
+    assert not reading.describe(path).notes  # of one map there is no other to name
     _hdf5(path, {"dx": np.full((1, 1), 0.5)})
     refused(path, r"holds no map of at least 3 x 3 nodes; arrays in the file: dx \(1, 1\)")
     refused(path, r"dx has nodes \(1, 1\); allowed: a map of equidistant nodes, at least 3 x 3", "dx")

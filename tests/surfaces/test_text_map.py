@@ -61,6 +61,10 @@ REFUSED = {
     ),
     "numbered.csv": (rows(np.column_stack([np.arange(6), HEIGHTS]), ";"), "the first column only counts: delete it"),
     "named.csv": (rows(np.vstack([np.arange(1, 6), HEIGHTS]), ";"), "the first line only counts: delete it"),
+    "ruled.csv": (
+        rows(np.vstack([0.5 * np.arange(9), np.cos(np.arange(36.0)).reshape(4, 9)]), ";"),
+        "the first line looks like coordinates: delete it",
+    ),
     "size.txt": ("# Scan size: 8 um\n" + TURNED, f"{UNKNOWN}'# Scan size: 8 um'.*header: ignore"),
     "lateral.txt": ("# lateral unit um\n" + TURNED, UNKNOWN),
     "pixel.txt": ("# pixel size = 0.5\n" + TURNED, UNKNOWN),

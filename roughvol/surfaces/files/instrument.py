@@ -118,9 +118,14 @@ def _no_heights(data: Any) -> str:
     return "holds no heights, by its name" if names_no_heights(data.name.rpartition("/")[2]) else ""
 
 
+def _is_map(data: Any) -> bool:
+    shape = data.nb_grid_pts or ()
+    return data.dim == 2 and len(shape) == 2 and min(shape) >= FEWEST
+
+
 def _described(path: Path, reader: Any, channel: Any, wanted: str | None) -> Description:
     shape = tuple(channel.nb_grid_pts or ())
-    if channel.dim != 2 or len(shape) != 2 or channel.is_uniform is False or min(shape) < FEWEST:
+    if not _is_map(channel) or channel.is_uniform is False:
         message = f"{path}: {channel.name} has nodes {shape}; allowed: a map of equidistant nodes, at least 3 x 3"
         raise SurfaceError(message)
     unit = None if channel.unit is None else length_unit(path, channel.unit, channel.name)
@@ -132,7 +137,7 @@ def _described(path: Path, reader: Any, channel: Any, wanted: str | None) -> Des
             would = f"in nm, L would be {1e-6 * sides[0]:.6g} um"
             unsized = f"its pixels are {1e-3 * x:.6g} by {1e-3 * y:.6g} of an unknown unit; {would}"
     notes: tuple[str, ...] = ()
-    maps = [data for data in reader.channels if not _no_heights(data) and data.dim == 2]
+    maps = [data for data in reader.channels if not _no_heights(data) and _is_map(data)]
     if wanted is None and len(maps) > 1:
         listing = ", ".join(map(_label, maps))
         notes = (f"{path.name} holds {len(maps)} maps ({listing}); {channel.index} is read, variable names another",)

@@ -53,6 +53,7 @@ _PIXELS = re.compile(
 )
 _FACTOR = re.compile(r"\bheight\s+conversion\s+factor\b", re.IGNORECASE)
 _EVEN = 1e-6  # largest relative difference of steps of a coordinate
+_LINE = 8  # least number of even steps that make a coordinate of one line alone
 _SAME = 1e-6  # largest difference of equal coordinates of points, over the span
 _REGULAR = 0.02  # largest distance of a point from its node, in spacings
 _CROWDED = 4  # most nodes a point for which points on a node are counted
@@ -283,6 +284,8 @@ def _refuse_coordinates(path: Path, numbers: Array) -> None:
     for name, edge in (("line", numbers[0]), ("column", numbers[:, 0])):
         if edge[0] in (0.0, 1.0) and np.array_equal(edge, edge[0] + np.arange(edge.size)):
             raise SurfaceError(f"{path}: the first {name} only counts: delete it; {INSIST}")
+        if edge.size > _LINE and _even(edge):
+            raise SurfaceError(f"{path}: the first {name} looks like coordinates: delete it and give L; {INSIST}")
 
 
 def _even(values: Array) -> bool:
