@@ -159,6 +159,25 @@ def test_seeds_are_averaged_over_the_range_they_share(study: xr.Dataset, name: s
     assert "mean of 2 surfaces, band ± 1 std. dev." in _title(fig)
 
 
+def test_a_mean_is_seen_among_the_lines_of_hundreds_of_surfaces(study: xr.Dataset) -> None:
+    seeds = np.arange(400)
+    one = study.sel(D=[2.3], m=[5]).isel(seed=0, drop=True)
+    many = one.expand_dims(seed=seeds).transpose("D", "m", "seed", ...).copy()
+    many["free_volume"] = many["free_volume"] * xr.DataArray(1.0 + 0.5 * np.linspace(-1.0, 1.0, 400), dims="seed")
+    fig = FIGURES["fig06a"](many)
+    (ax,) = fig.axes
+    canvas = FigureCanvasAgg(fig)
+    canvas.draw()
+    grey = np.asarray(canvas.buffer_rgba())[::-1, :, :3].mean(axis=2)
+    x, y = _line(fig, "$D = 2.3$")
+
+    def tone(share: float) -> float:
+        rows = ax.transData.transform(np.transpose([x, share * y]))[20:-20].astype(int)
+        return float(np.mean([grey[row, column] for column, row in rows]))
+
+    assert tone(1.0) < tone(1.1) - 100.0
+
+
 def test_seeds_without_a_common_range_have_no_mean(study: xr.Dataset) -> None:
     apart = study.copy()
     apart["mean_pressure"] = study["mean_pressure"] + 1e3 * study["seed"]

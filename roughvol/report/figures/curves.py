@@ -10,6 +10,9 @@ from matplotlib.axes import Axes
 from roughvol.report.figures.families import Curve, Family, mean_and_band, named, several
 from roughvol.report.figures.style import DASHES, legend, marked
 
+INK = 8.0  # opacity of all lines of single surfaces together: 40 % of each of 20, less of each where they are more
+OPACITY = 0.4  # largest, of the line of a single surface
+
 
 def plot(
     ax: Axes,
@@ -39,9 +42,10 @@ def plot(
         else:
             abscissa, mean, spread = mean_and_band(curves, 200)
         ax.fill_between(abscissa, mean - spread, mean + spread, color=colour, alpha=0.18, lw=0, zorder=2)
+        opacity = min(OPACITY, INK / len(curves))
         for surface, (x, y) in enumerate(curves):
             drawn = np.where(y > 0.0, y, np.nan) if log else y  # a logarithmic axis has no zero
-            lines = ax.plot(x, drawn, color=colour, lw=0.35, alpha=0.4, zorder=1)
+            lines = ax.plot(x, drawn, color=colour, lw=0.35, alpha=opacity, zorder=1)
             named(ax, lines, family, surface)
         lines = ax.plot(abscissa, mean, label=family.label, color=colour, ls=DASHES[order % len(DASHES)], zorder=3)
         named(ax, lines, family)
