@@ -110,6 +110,11 @@ def test_what_is_no_law_is_refused(text: str, words: str, tmp_path: Path) -> Non
         _law(text, tmp_path)
 
 
+def test_an_absent_law_is_named_once(tmp_path: Path) -> None:
+    with pytest.raises(StudyError, match=r"creep\.yaml: cannot read the creep law: No such file or directory$"):
+        load_creep(tmp_path / "creep.yaml")
+
+
 def test_times_are_a_range_or_a_list() -> None:
     assert_allclose(read_times("1 s..100 s"), np.logspace(0, 2, 9))
     assert_allclose(read_times("1 s, 1 min,1 day"), [1, 60, 86400])

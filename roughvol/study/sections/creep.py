@@ -212,7 +212,8 @@ def load_creep(given: str | Path | Mapping[str, Any]) -> Creep:
         text = write(plain(given, problems)) if isinstance(given, Mapping) else Path(given).read_text(encoding="utf-8")
         law = Creep.model_validate(reading.read(text))
     except (OSError, UnicodeDecodeError) as error:
-        raise StudyError([Problem(f"cannot read the creep law: {error}", file=file)]) from error
+        reason = getattr(error, "strerror", None) or error
+        raise StudyError([Problem(f"cannot read the creep law: {reason}", file=file)]) from error
     except UnreadableError as error:
         raise StudyError([Problem(str(error), line=error.line, file=file)]) from error
     except ValidationError as error:
