@@ -55,6 +55,8 @@ ERRORS = 2.0  # standard errors within which x and y are alike
 ENDS = (0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE)
 LONGEST = 0.25  # largest variance of the waves as long as the map over that of the highest octave
 LEAKS = {"leak_rate": "seal_leak_rate", "gas_leak_rate": "seal_gas_leak_rate"}
+UNKNOWN = "seal_unknown"  # attribute of states without a leak of the seal: the reason
+IN_A_ROW = "fluid pressure lifts patches in a row differently"
 ONE_LOAD = 1e-4  # relative: patches at a state have one load
 MOST = 700.0  # logarithm of a factor, so that its exponential is finite
 
@@ -280,16 +282,18 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
     """Return states with the leaks of the seal of their study, as medians over sheets of patches; 0 where closed.
 
     States without a leak of the seal stay as they are: of a study without a seal, of a seal smaller than its patches,
-    and of patches in a row that fluid pressure lifts by different pressures. A leak at a step of surfaces that differ
-    in their load there is missing, as is 0 where a surface is not known. All steps, ``surfaces``, show whether x and y
-    differ.
+    and of patches in a row that fluid pressure lifts by different pressures, which have an attribute `UNKNOWN`.
+    A leak at a step of surfaces that differ in their load there is missing, as is 0 where a surface is not known. All
+    steps, ``surfaces``, show whether x and y differ.
     """
     try:
         patch = Patch.of(study, surfaces)
     except StudyError:
         return states
-    if patch is None or (is_lifted(surfaces) and patch.patches[0] > 1):
+    if patch is None:
         return states
+    if is_lifted(surfaces) and patch.patches[0] > 1:
+        return states.assign_attrs({UNKNOWN: f"The leak of the seal of {patch.seal.label} is not known: {IN_A_ROW}."})
     alike = is_isotropic([ratios(surfaces.isel(seed=[k])) for k in range(surfaces.sizes["seed"])])
     words = f"{patch.seal.label}, flow along {patch.seal.flow}, {' × '.join(map(str, patch.patches))} patches"
     found = {}

@@ -21,7 +21,7 @@ from roughvol.analysis.closing import load_of, spans
 from roughvol.analysis.derived import derived, groups, is_pressed
 from roughvol.analysis.hysteresis import hysteresis
 from roughvol.analysis.legs import first_leg
-from roughvol.analysis.seal import with_leaks
+from roughvol.analysis.seal import IN_A_ROW, with_leaks
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number, range_text
 from roughvol.contact.kernels import KERNELS
@@ -267,7 +267,7 @@ def _pressed(study: Study, region: str) -> list[tuple[str, str]]:
     unit = f" {material.unit}" if material.unit else ""
     leaks = "Q is the leak of the patch, Q_seal that of the seal"
     if study.record.fluid_pressure is not None:
-        leaks += ", known of a seal as wide as a patch alone: fluid pressure lifts patches in a row differently"
+        leaks += f", known of a seal as wide as a patch alone: {IN_A_ROW}"
     hardness, solver = "", ""
     if material.indentation_hardness is not None:
         acts = "pressures end there" if material.plastic else "for comparison alone, no yield is computed"

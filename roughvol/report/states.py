@@ -12,7 +12,7 @@ from xarray import Dataset, Variable
 from roughvol.analysis import leak
 from roughvol.analysis.at import State
 from roughvol.analysis.average import IN_WORDS, average, is_flow
-from roughvol.analysis.seal import LEAKS
+from roughvol.analysis.seal import LEAKS, UNKNOWN
 from roughvol.analysis.tables import Table, by_direction, number
 from roughvol.observables.variables import columns
 from roughvol.typing import Array
@@ -115,6 +115,7 @@ class States:
         seals = [row.data[name].attrs for row in self.rows for name in held if name in row.data]
         for words, sheets in dict.fromkeys((one["seal"], one["sheets"]) for one in seals):
             yield f"Q_seal is the leak of the seal of {words}: the median of {sheets} {SHEETS}"
+        yield from dict.fromkeys(reason for row in self.rows if (reason := row.state.data.attrs.get(UNKNOWN)))
         apart = max((row.state.apart for row in self.rows), default=1.0)
         if apart > ROUGH and any(map(is_flow, self.columns)):
             yield f"Flows of the steps around a state differ by a factor of up to {apart:.2g}: more steps narrow it."
