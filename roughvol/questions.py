@@ -933,7 +933,9 @@ def explain(name: str | None = None) -> Explained:
     if of_user is not None:
         return replace(of_user, others=other)
     if not exact and not other and not stored:
-        near = difflib.get_close_matches(word, explained_names(), n=3, cutoff=0.5)
+        names = explained_names()
+        near = [name for name in names if name.lower() == word.lower()]
+        near = near or difflib.get_close_matches(word, names, n=3, cutoff=0.5)
         hint = f"did you mean {' or '.join(near)}? " if near else ""
         raise DatasetError(f"no key and no variable {word!r}; {hint}roughvol explain lists the sections")
     stored_by = record_key(stored) if stored else ""

@@ -104,6 +104,13 @@ WRONG: list[tuple[Callable[[Any], Any], Any, str]] = [
     (lambda figure: roughvol.plot(pressed(), figure), 3, "a figure is text, given a value of the type int"),
     (lambda name: pressed().roughvol.mean(name), ["seed"], "a dimension is text, given a value of the type list"),
     (lambda name: pressed().roughvol.quantity(name), [], "the name of a variable is text, given a value .* list"),
+    (
+        lambda names: pressed()[names].roughvol.at(pressure=0.1),
+        ["free_volume"],
+        "the dataset has no mean_pressure; allowed: all variables of a run",
+    ),
+    (lambda names: roughvol.ask(pressed()[names]), ["free_volume"], "the run has no mean_pressure; allowed: all"),
+    (roughvol.explain, "surface.d", r"no key and no variable 'surface\.d'; did you mean surface\.D\? roughvol explain"),
     (roughvol.explain, 3, "a name is text, given a value of the type int"),
     (roughvol.load, None, "a study file is a path, given a value of the type NoneType"),
     (roughvol.runs, 3, "the folder of runs is a path, given a value of the type int"),

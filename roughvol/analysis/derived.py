@@ -91,7 +91,12 @@ def is_pressed(ds: Dataset) -> bool:
 def check_pressed(ds: Dataset, name: str) -> None:
     """Raise `DatasetError` for a dataset without states."""
     if not is_pressed(ds):
-        raise DatasetError(f"{name} has no state: nothing was pressed")
+        raise DatasetError(f"{name} {lacks_states(ds)}")
+
+
+def lacks_states(ds: Dataset) -> str:
+    """Return why a dataset has no states: of a study with ``steps: 0``, or a choice of variables of a run."""
+    return f"has no {P}; allowed: all variables of a run" if "step" in ds.sizes else "has no state: nothing was pressed"
 
 
 def groups(ds: Dataset) -> Iterator[tuple[str, Dataset]]:

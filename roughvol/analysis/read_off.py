@@ -27,7 +27,7 @@ from xarray import Dataset
 from roughvol.analysis import closing, leak, leak_curve
 from roughvol.analysis.at import check_load, legs_of
 from roughvol.analysis.closing import Span
-from roughvol.analysis.derived import derived, nominal_pressure
+from roughvol.analysis.derived import derived, lacks_states, nominal_pressure
 from roughvol.analysis.leak_card import Card, Part
 from roughvol.analysis.leak_curve import Curve, LoadReading, axes, closings, curves, surfaces
 from roughvol.analysis.stored_run import Run
@@ -208,7 +208,7 @@ def checked(run: Dataset, *, leaks: bool = True) -> Dataset:
             "record.fluid_pressure.at, as {pressure: [0.1 MPa, 0.2 MPa]}"
         )
     if "mean_pressure" not in run:
-        raise refused("the run has no state: nothing was pressed")
+        raise refused(f"the run {lacks_states(run)}")
     if leaks and "leak_rate" not in run:
         if "gas_leak_rate" in run:
             unit = run["gas_leak_rate"].attrs["units"]
