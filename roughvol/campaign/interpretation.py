@@ -113,7 +113,7 @@ def sentences(study: Study, Sq: Iterable[float], L: float, unit: str | None, *, 
 
     L and the Sq have one unit, None for an arbitrary one. ``about`` is a word before converted numbers.
     """
-    found, every = [*_unused(study), *_hardness(study), *_accuracies(study)], list(Sq)
+    found, every = [*_unused(study), *_hardness(study), *_accuracies(study), *_seal(study, unit)], list(Sq)
     if flat := every.count(0.0):
         what = "the surface is flat" if len(every) == 1 else f"{flat} of {len(every)} surfaces are flat"
         found.append(f"{what} once treated: Sq is 0, and numbers over Sq have no meaning")
@@ -203,6 +203,15 @@ def _hardness(study: Study) -> Iterator[str]:
         f"hardness {study.material.hardness} is {ratio:.2g} of the contact modulus, and that of solids lies between "
         f"{SOFT:g} and {HARD:g} of it: is its unit right?"
     )
+
+
+def _seal(study: Study, unit: str | None) -> Iterator[str]:
+    seal = study.seal
+    if seal is not None and seal.squares(unit) < 1.0:
+        yield (
+            f"seal.width {seal.width} is larger than seal.length {seal.length}: the length is along the seal line, the "
+            "width along the flow"
+        )
 
 
 def _accuracies(study: Study) -> Iterator[str]:
