@@ -377,7 +377,7 @@ def _check_unknown(run: Dataset, unknown: str, pressure: float | None) -> None:
     if unknown != "pressure" and "plastic_volume" in run:
         raise refused("pressures end at a hardness, so numbers do not depend on p* alone; allowed: for pressure")
     if unknown != "pressure" and not (pressure is not None and pressure > 0.0):
-        raise refused(f"for {unknown} the pressure must be given, > 0")
+        raise refused(f"for {unknown} the load is needed, a pressure > 0, as pressure=0.1MPa")
 
 
 def _recorded(run: Dataset) -> str:

@@ -73,7 +73,7 @@ def _way(title: str, card: Card, way: Way) -> Section:
 
 def _seal(title: str, seal: SealLeak) -> Section:
     """Return how the leak of a seal was found, and its error."""
-    return _leak(title, map(card_text.micro, seal.words), seal)
+    return _leak(title, card_text.seal_details(seal), seal)
 
 
 def _leak(title: str, words: Iterable[str], leak: Way | SealLeak) -> Section:

@@ -296,6 +296,11 @@ def seal(of_seal: SealLeak, *, legs: bool = False) -> str:
     return f"of {of_seal.label} {leaks}{unknown}; {closing}"
 
 
+def seal_details(of_seal: SealLeak) -> list[str]:
+    """Return how the leak of a seal was found, in words."""
+    return [micro(_printed(words, of_seal.gas_unit)) for words in of_seal.words]
+
+
 def patch(card: Card) -> str:
     """Return of which patch the leaks are, in a sentence."""
     sizes = {_size(surface.table, card.length_unit) for surface in card.surfaces}

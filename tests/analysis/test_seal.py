@@ -266,13 +266,15 @@ def test_a_card_has_the_leak_of_a_gas_through_its_seal(tmp_path: Path) -> None:
         "steps: 8, to: percolation", "steps: 2, to: {pressure: 0.02 MPa}"
     )
     text = text.replace("every-step}", "every-step, gas_flow: every-step}").replace(
-        "mPa*s}}", "mPa*s}, gas_leak_rate: sccm}"
+        "mPa*s}}", "mPa*s}, gas_leak_rate: mbar*l/s}"
     )
     card, of_seal = _card(f"{text}fluid: {{gas: air, inlet: 2 bar, outlet: 1 bar}}\n", "last", tmp_path)
     (gas,) = card.beside
     plain = of_seal.plain()
     assert_allclose(plain["gas_leak"], 60.0 * gas.leaks[0].value, rtol=1e-5)  # 60 squares of one patch
-    assert plain["gas_leak_unit"] == gas.unit == "sccm"
+    assert plain["gas_leak_unit"] == gas.unit == "mbar*l/s"
+    (throughput,) = (line for line in card_text.seal_details(of_seal) if "air" in line)
+    assert re.search(rf": {of_seal.gas_leak:.3g} mbar l/s, the median of as many sheets", throughput)
 
 
 def test_a_seal_of_a_gas_alone_leaks_the_gas_in_its_unit_and_names_the_leg_that_closes_it(tmp_path: Path) -> None:
