@@ -31,6 +31,7 @@ from roughvol.reproduction.judgement import Judgement
 WORDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 MARKS = {True: "met", None: "undecided", False: "not met"}
 KINDS = {HOLDS: "holds", QUALIFIED: "qualified", FAILS: "fails", ABSENT: "absent"}
+PAPER_END = "mean-plane"  # of the sweeps of the paper
 SHOWN = 2  # runs refused that a row names at once; more unfold
 
 
@@ -81,7 +82,9 @@ def _before(judgement: Judgement, drawn: dict[str, Drawing]) -> Iterator[Section
 
 
 def _after(judgement: Judgement) -> Iterator[Section]:
-    """Yield the literature, quick estimates, ensembles and decisions."""
+    """Yield the claims that runs come near to, the literature, quick estimates, ensembles and decisions."""
+    if _comes_near(judgement):
+        yield _absent(judgement)
     if judgement.literature:
         yield _literature(judgement.literature)
     if judgement.estimates:
@@ -110,21 +113,30 @@ def _verdicts(judgement: Judgement) -> Section:
         run = Cell(", ".join(claim.source), more=_refused(claim))
         rows.append((Cell(str(claim.id), "n"), title, _badge(claim), claim.why, run))
     table = Table("", ("", "Claim", "Verdict", "Why", "Run"), tuple(rows))
-    left = []
-    for claim in judgement.absent:
-        lacking = Cell(claim.lacking or claim.untested, more=_refused(claim))
-        left.append((Cell(str(claim.id), "n"), Cell(claim.title, "title", small=claim.place), lacking))
-    absent = Section(
-        f"{len(left)} claim{'s' * (len(left) > 1)} not computed, with what is lacking",
-        kind="verdicts absent-claims",
-        folded="closed",
-        tables=(Table("", ("", "Claim", "Lacking"), tuple(left)),),
-    )
-    parts = (absent,) if left else ()
+    parts = (_absent(judgement),) if judgement.absent else ()
     rules = tuple(WORDS["rules"].items())
     return Section(
         "Verdicts", "verdicts", kind="verdicts", notes=(WORDS["rule"],), facts=rules, tables=(table,), sections=parts
     )
+
+
+def _absent(judgement: Judgement) -> Section:
+    """Return the table of the claims that no run can answer, with what is lacking."""
+    rows = []
+    for claim in judgement.absent:
+        lacking = Cell(claim.lacking or claim.untested, more=_refused(claim))
+        rows.append((Cell(str(claim.id), "n"), Cell(claim.title, "title", small=claim.place), lacking))
+    return Section(
+        f"{len(rows)} claim{'s' * (len(rows) > 1)} not computed, with what is lacking",
+        kind="verdicts absent-claims",
+        folded="closed",
+        tables=(Table("", ("", "Claim", "Lacking"), tuple(rows)),),
+    )
+
+
+def _comes_near(judgement: Judgement) -> bool:
+    """Return whether no claim is computed, though a run has the surfaces of the paper and the end of its sweeps."""
+    return not judgement.computed and any(not run.origin and run.end == PAPER_END for run in judgement.own)
 
 
 def _badge(claim: Claim) -> Cell:
@@ -244,6 +256,8 @@ def computed(row: Claim) -> list[str]:
 
 def _lines(judgement: Judgement) -> Iterator[str]:
     """Yield verdict, title and runs of each row and claim for a terminal, and the counts of verdicts last."""
+    if _comes_near(judgement):
+        yield f"{len(judgement.absent)} claims of the paper: none computed; the page has what each claim lacks"
     groups = [(judgement.literature, "numbers of the literature")]
     groups += [(judgement.claims, "claims")] if judgement.computed else []
     width = max(map(len, VERDICTS))

@@ -330,6 +330,17 @@ def test_a_study_of_ones_own_gets_its_facts_and_no_claims(own: dict[str, Path]) 
     assert "not computed" not in text
 
 
+def test_a_smaller_study_of_the_paper_has_what_each_claim_lacks(tmp_path: Path) -> None:
+    text = "name: smaller\nsurface: {D: [2.2, 2.4], m: 4, seeds: 2}\nsweep: {steps: 6, to: mean-plane}\n"
+    found = judge(list(kit.stored(tmp_path, smaller=text).values()))
+    assert not found.computed
+    page = _text(kit.to_html(found))
+    assert f"{len(found.claims)} claims not computed, with what is lacking" in page
+    lacking = "D = 2.2, 2.4, needs 2.1, 2.3, 2.5, 2.7, 2.9; m = 4, needs m >= 8; 2 surfaces of each kind, needs 10"
+    assert f"smaller: {lacking}" in page
+    assert report_page.summary(report_of(found)).endswith("the page has what each claim lacks")
+
+
 def test_runs_of_the_paper_and_scans_have_a_section_each(
     small_study: Path, own: dict[str, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
