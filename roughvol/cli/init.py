@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Mapping, Sequence, Set
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -140,7 +141,7 @@ def _lacking(study: str, file: str, known: Set[str]) -> list[str]:
         keys = [problem.key.removeprefix("surface.") for problem in error.problems if "missing" in problem.message]
         if lacking := [key for key in keys if key in TO_FILL_IN | DECIDED and key not in known]:
             return lacking
-        raise
+        raise StudyError([replace(problem, file="", line=None) for problem in error.problems]) from None  # not written
     try:
         surface_of(case)
     except SurfaceError as error:  # others are those of `roughvol check`

@@ -39,6 +39,7 @@ UNMARKED = ("nms", "hgt")
 ARRAYS = ("h5", "mat")  # formats of arrays without meaning
 UNSIZED = "nms"
 HEIGHT = "height"  # kind of a channel
+UNREAD = "in none of the formats that SurfaceTopography reads; save it as .x3p, or as text of points x y z"
 TEXT = ("asc", "xyz")  # readers of text in the library
 SILENT = logging.NullHandler()  # igor2, which tries every file, logs the bytes of files of other formats
 
@@ -60,7 +61,7 @@ def opened(request: Request) -> HeightMap:
             if reader.format() in UNMARKED and ending != reader.format():
                 raise CannotDetectFileFormat
         except CannotDetectFileFormat as error:
-            raise NotRead(f"{path}: is damaged, or in none of the formats that SurfaceTopography reads") from error
+            raise NotRead(f"{path}: is damaged, or {UNREAD}") from error
         channel = _channel(path, reader, request.variable)
         description = _described(path, reader, channel, request.variable)
 
