@@ -175,7 +175,7 @@ def test_check_warns_of_a_spike_and_shows_what_was_taken_out(place: Path) -> Non
         told = r"^warning: the highest point lies 29\.\d Sq above .*see surface\.outliers$"
         warned = re.search(told, called.stderr, re.MULTILINE)
         assert (warned is None) == bool(extra)
-        assert f"missing {2 if extra else 1} heights" in shown
+        assert f"missing {'2 heights' if extra else '1 height'} (" in shown
     assert re.search(r"1 outlier removed; z_max/Sq was 29\.\d and is 1\.\d", shown)
     steps = re.findall(r"step (\d): (\w+)", shown)
     assert steps == [("1", "heights"), ("2", "least"), ("3", "missing")]

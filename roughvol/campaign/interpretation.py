@@ -61,7 +61,8 @@ def text(surface: Surface, case: Case, cases: int = 1) -> str:
     if case.file is not None:
         lines += [_reading(body, case.length_unit) for body in case.bodies]
         share = surface.filled / (rows * columns)
-        lines.append(f"missing {surface.filled} heights ({share:.2%})" + ", filled" * (surface.filled > 0))
+        number = f"{surface.filled} height{'s' * (surface.filled != 1)}"
+        lines.append(f"missing {number} ({share:.2%})" + ", filled" * (surface.filled > 0))
     if surface.peak_before is not None:
         count = "1 outlier" if surface.outliers == 1 else f"{surface.outliers} outliers"
         lines.append(f"{count} removed; z_max/Sq was {surface.peak_before:.3g} and is {surface.peak:.3g}")

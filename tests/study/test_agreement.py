@@ -102,6 +102,8 @@ def test_an_absurd_size_is_noted(folder: Path) -> None:
         assert [note for note in _notes(folder, surface) if re.search(said, note)], surface
     for surface in ("file: full.txt", "file: points.xyz, unit: um", "file: bare.npy, L: 7"):
         assert _notes(folder, surface) == ()
+    agreed = _notes(folder, "file: counted.xyz, L: 4 um")  # the nodes are 1 um apart, as the study says
+    assert not [note for note in agreed if "count nodes" in note]
 
 
 def test_what_a_file_contradicts_is_placed_in_the_study(tmp_path: Path) -> None:

@@ -65,7 +65,7 @@ def resolve(surface: HeightFile) -> Measured:
     if first and other and any(abs(a - b) > SAME * a for a, b in zip(first, other, strict=True)):
         sizes = " and ".join(" x ".join(f"{side:.6g}" for side in pair) for pair in (first, other))
         wrong(f"the files differ in size, {sizes} {unit or ''}".rstrip(), "surface.against.file")
-    notes = _notes(float(L), unit, descriptions, bodies)
+    notes = _notes(float(L), unit, descriptions, bodies, given=surface.L)
     treatment, left, ratios = settled(surface, descriptions, float(L), unit)
     bodies = [replace(body, pixel_ratio=ratio) for body, ratio in zip(bodies, ratios, strict=True)]
     return Measured(left, unit, tuple(bodies), treatment, notes)
@@ -133,14 +133,17 @@ def _agrees(L: float, unit: str | None, description: Description, file: Path, si
     wrong(f"{message}; omit L, or give header: ignore if the file is wrong", "surface.L")
 
 
-def _notes(L: float, unit: str | None, descriptions: list[Description], bodies: list[Body]) -> tuple[str, ...]:
+def _notes(
+    L: float, unit: str | None, descriptions: list[Description], bodies: list[Body], *, given: float | None
+) -> tuple[str, ...]:
     notes = [note for text in descriptions for note in text.notes]
     for text, body in zip(descriptions, bodies, strict=True):
         if text.counts and body.numbers_in is None:
             taken = f"heights in {unit}" if unit else "heights"
             advice = "heights_unit: 0.95 nm would be the height of a count"
             notes.append(f"{body.file.name} holds counts, taken as {taken}; {advice}")
-    if any(text.counted and not text.unsized for text in descriptions):
+    counted = [text.sides[0] for text in descriptions if text.counted and not text.unsized and text.sides]
+    if any(given is None or abs(given - side) > SAME * side for side in counted):
         notes.append("the coordinates in the file count nodes and have no unit: is L right?")
     spacing = L / (descriptions[0].shape[0] - 1)
     if unit and L * METRES[unit] > LONGEST:
