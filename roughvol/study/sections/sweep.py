@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import ConfigDict, Discriminator, Field, RootModel, Tag, model_serializer, model_validator
 
 from roughvol.study.plain_data import KeyPath
-from roughvol.study.sections.strict import Choice, Strict, default, optional, refuse_at
+from roughvol.study.sections.strict import Choice, Strict, default, nearest, optional, refuse_at
 from roughvol.study.values.state_kinds import LISTS, OF_ALL, STATE_KINDS, Level, Starred
 from roughvol.study.values.types import AS_TUPLE, WHOLE, AreaFraction, Many, Positive, StepNumber, Word, refuse
 from roughvol.study.values.units import Flow, Gap, In, Length, Load, Position, Pressure, in_unit, text_of, unit_of
@@ -106,13 +106,18 @@ def _listed(states: str, note: str = "") -> Any:
     return default((), f"instead of steps and to: {states}, a step at each{note}")
 
 
+PLANES, PERCOLATION = ("mean-plane", "summit-plane"), "percolation"
+
+
 def _tag_to(value: Any) -> str:
-    return "<state>" if isinstance(value, dict | Target) or value == "percolation" else "<plane>"
+    """Return the form of an end; a word that is none has the form of the most similar word, whose error fits it."""
+    is_plane = isinstance(value, str) and nearest(value, [*PLANES, PERCOLATION]) in PLANES
+    return "<plane>" if is_plane else "<state>"
 
 
 End = Annotated[
     Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
-    | Annotated[T, Word("percolation", (("percolation", "both"),)), Tag("<state>")],
+    | Annotated[T, Word(PERCOLATION, (("percolation", "both"),)), Tag("<state>")],
     Discriminator(_tag_to),
 ]
 _TARGETS = (
