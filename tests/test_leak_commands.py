@@ -170,6 +170,16 @@ def test_the_unit_of_a_leak_decides_between_liquid_and_gas() -> None:
     assert "no state of record.transport.gas_flow was reached" in refused("ask", "far", "--leak-rate", "1 sccm")
 
 
+def test_the_note_has_the_gas_of_a_leak_run_by_run_where_gases_differ() -> None:
+    ran("helium", GAS.replace("name: gas", "name: helium"))
+    helium = "helium, 1 bar to 0 bar, 293.15 K, law kinetic"
+    assert f"Q_g is the throughput of the patch, {helium}." in said("show", "helium")
+    ran("slip", GAS.replace("name: gas", "name: slip").replace("0 bar}", "0.5 bar, law: slip}"))
+    told = said("compare", "helium", "slip", "--at", "pressure=0.02 MPa")
+    assert f"Q_g is the throughput of the patch, helium: {helium}; slip: helium, 1 bar to 0.5 bar" in told
+    assert "law slip" in told
+
+
 @pytest.fixture
 def _creeping(here: Path) -> None:
     Path("creep.yaml").write_text("prony: {shares: [0.5], times: [10 s]}")

@@ -41,6 +41,13 @@ def fluid_of(ds: Dataset) -> str:
     return f"pressure drop {given['pressure_drop']}, viscosity {given['viscosity']}" if given else ""
 
 
+def gas_of(ds: Dataset) -> str:
+    """Return the gas of the leak rates of a run, its state and the law of its flow in words; empty without a gas."""
+    found = (ds[name].attrs for name in ("gas_leak_rate", "gas_leak_rate_dry") if name in ds)
+    given = next((words for words in found if "gas" in words), None)
+    return f"{given['gas']}, law {given['law']}" if given else ""
+
+
 def is_lifted(ds: Dataset) -> bool:
     """Return whether a run has states under fluid pressure, so that the dry leak is not the leak."""
     return STATE in ds.dims or "flow" in ds or any(f"{name}_dry" in ds for name in DRY)

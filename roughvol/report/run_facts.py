@@ -247,7 +247,7 @@ def _loading(run: Run) -> Pairs:
     pairs += [
         ("Leak rate", leak.fluid_of(ds)),
         ("Fluid pressure", f"inlet {fluid.inlet}, outlet {fluid.outlet}, coupling {fluid.coupling}" if fluid else ""),
-        ("Gas", "{gas}; law {law}, mean free path {mean_free_path}".format_map(gas) if "gas" in gas else ""),
+        ("Gas", f"{leak.gas_of(ds)}, mean free path {gas['mean_free_path']}" if "gas" in gas else ""),
     ]
     return _known(*pairs)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -101,16 +101,9 @@ class States:
         )
 
     def notes(self) -> Iterator[str]:
-        """Yield pressure drop and viscosity of the leaks, run by run where they differ, and which surfaces count."""
-        if any(name.startswith("leak_rate") for name in self.columns):
-            found: dict[str, dict[str, None]] = {}
-            for row in self.rows:
-                found.setdefault(leak.fluid_of(row.state.data), {})[row.name] = None
-            named = {
-                fluid: f"{', '.join(names)}: " if len(found) > 1 else "" for fluid, names in found.items() if fluid
-            }
-            if named:
-                yield f"Q is the leak of the patch, {'; '.join(words + fluid for fluid, words in named.items())}."
+        """Yield the fluids of the leaks, run by run where they differ, and which surfaces count."""
+        yield from self._fluids("leak_rate", leak.fluid_of, "Q is the leak of the patch")
+        yield from self._fluids("gas_leak_rate", leak.gas_of, "Q_g is the throughput of the patch")
         held = [name for name in LEAKS.values() if name in self.columns]
         seals = [row.data[name].attrs for row in self.rows for name in held if name in row.data]
         for words, sheets in dict.fromkeys((one["seal"], one["sheets"]) for one in seals):
@@ -125,6 +118,17 @@ class States:
             yield NOT_REACHED
         if any(row.state.closed for row in self.rows):
             yield CLOSED_BEFORE
+
+    def _fluids(self, flow: str, words_of: Callable[[Dataset], str], leaks: str) -> Iterator[str]:
+        """Yield what a flow is, and its fluid, run by run where fluids differ."""
+        if not any(name.startswith(flow) for name in self.columns):
+            return
+        found: dict[str, dict[str, None]] = {}
+        for row in self.rows:
+            found.setdefault(words_of(row.state.data), {})[row.name] = None
+        named = {fluid: f"{', '.join(names)}: " if len(found) > 1 else "" for fluid, names in found.items() if fluid}
+        if named:
+            yield f"{leaks}, {'; '.join(words + fluid for fluid, words in named.items())}."
 
 
 def every_step(group: Dataset, table: str | None = None) -> Iterator[tuple[State, dict[str, Numbers]]]:

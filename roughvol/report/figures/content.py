@@ -27,7 +27,7 @@ from xarray import Dataset
 
 from roughvol.analysis import average
 from roughvol.analysis.derived import derived
-from roughvol.analysis.leak import LIFTED, fluid_of, is_lifted
+from roughvol.analysis.leak import LIFTED, fluid_of, gas_of, is_lifted
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
@@ -152,9 +152,8 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
             ax.set(xlabel=_label(x, ready), ylabel=_label(y, ready))
             _flow(ax, some, x, y, title)
             notes = _fluids(ready) if y == "leak_rate" else []
-            notes += dict.fromkeys(
-                f"Gas: {run.dataset[y].attrs['gas']}." for run in ready if "gas" in run.dataset[y].attrs
-            )
+            if y == "gas_leak_rate":
+                notes += dict.fromkeys(f"Gas: {words}." for run in ready if (words := gas_of(run.dataset)))
         else:
             log = y_key in LOGARITHMIC
             members = [[_positive(curve) if log else curve for curve in curves(f, x, y)] for f in some]
