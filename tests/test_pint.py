@@ -60,13 +60,24 @@ def test_every_variable_is_a_quantity_with_the_values_that_are_stored(run: xr.Da
         if variable.dtype.kind not in "fi":
             continue
         found = ds.roughvol.quantity(name, registry=plain)
-        if variable.attrs.get("units") != "sccm":  # unknown to pint: base units
+        if variable.attrs.get("units") != "sccm":  # in Pa m^3/s at the temperature of the gas
             np.testing.assert_array_equal(found.magnitude, variable.values)
             assert found.units == plain.Quantity(1.0, variable.attrs.get("units", "1")).units
     leak = ds["leak_rate"].values * convert(1.0, "mm^3/s", "ml/min")
     np.testing.assert_allclose(ds.roughvol.quantity("leak_rate", "ml/min").magnitude, leak, rtol=1e-12)
-    gas = ds["gas_leak_rate"].values * 101325e-6 / 60.0  # Pa m^3/s of a standard cm^3 per minute
-    np.testing.assert_allclose(ds.roughvol.quantity("gas_leak_rate", "Pa*m^3/s", plain).magnitude, gas, rtol=1e-12)
+
+
+def test_a_throughput_is_at_the_temperature_of_the_gas_and_a_standard_volume_at_0_degrees(run: xr.Dataset) -> None:
+    plain: pint.UnitRegistry[float] = pint.UnitRegistry()
+    in_sccm = run["gas_leak_rate"].values
+    at_0 = in_sccm * 101325e-6 / 60.0  # Pa m^3/s of a standard cm^3 per minute
+    warm = at_0 * 293.15 / 273.15
+    in_mbar = run.roughvol.in_units(gas_leak_rate="mbar*l/s")
+    for ds in (run, in_mbar):
+        for unit in ("Pa*m^3/s", plain.Unit("mbar*l/s"), None):
+            found = ds.roughvol.quantity("gas_leak_rate", unit, plain)
+            np.testing.assert_allclose(found.to("Pa*m^3/s").magnitude, warm, rtol=1e-12)
+        np.testing.assert_allclose(ds.roughvol.quantity("gas_leak_rate", "slpm", plain).magnitude, 1e-3 * in_sccm)
 
 
 def test_what_has_no_such_unit_is_refused_by_name(run: xr.Dataset) -> None:

@@ -172,7 +172,8 @@ class Accessor:
         name : str
             Name of a variable of the dataset, as ``"leak_rate"``.
         unit : str or Unit, optional
-            Unit, as ``"ml/min"``. Default: the attribute ``units`` of the variable.
+            Unit, as ``"ml/min"``. Default: the attribute ``units`` of the variable, but Pa*m^3/s for standard volumes
+            of a gas, as sccm.
         registry : pint.UnitRegistry, optional
             Registry of the quantity. Default: ``pint.get_application_registry()``.
 
@@ -203,7 +204,8 @@ class Accessor:
             raise DatasetError(ABSENT.format(name))
         variable = self._ds[name]
         try:
-            return quantity(variable.values, str(variable.attrs.get("units", "1")), unit, registry)
+            values, own = units.for_pint(variable, None if unit is None else str(text_of_value(unit, name)))
+            return quantity(values, own, unit, registry)
         except ValueError as error:
             raise DatasetError(f"{name}: {error}") from error
 

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import MutableMapping
+from collections.abc import Mapping, MutableMapping
+from typing import Any
 
 import numpy as np
-from xarray import Dataset, Variable
+from xarray import DataArray, Dataset, Variable
 
 from roughvol.analysis.stored_run import Run
 from roughvol.study import Scale, convert
 from roughvol.study.sections.fluid import throughput
+from roughvol.study.values.units import counts_substance
+from roughvol.typing import Array
 
 PLAIN = ("", "1")  # units of pure numbers
+KELVIN = "temperature_K"  # attribute of the throughput of a gas
+THROUGHPUT = "Pa*m^3/s"
 
 
 def sigma(ds: Dataset) -> Variable:
@@ -50,9 +55,36 @@ def in_units(ds: Dataset, units: MutableMapping[str, str]) -> Dataset:
         if own == wanted or own in PLAIN or wanted in PLAIN:
             continue
         try:
-            kelvin = variable.attrs.get("temperature_K")
-            factor = convert(1.0, own, wanted) if kelvin is None else throughput(1.0, own, wanted, float(kelvin))
+            factor = _factor(variable.attrs, wanted)
         except (AttributeError, ValueError, TypeError):  # bases of pint's errors, as for the unit "length"
             continue
         changed[name] = (variable * factor).assign_attrs(variable.attrs | {"units": wanted})
     return ds.assign(changed)
+
+
+def for_pint(variable: DataArray, wanted: str | None) -> tuple[Array, str]:
+    """Return the values of a variable, and their unit, from which pint converts to a unit, or to none.
+
+    Pint knows no temperature: standard volumes of a gas, as sccm, hold at 0 °C, other throughputs at that of the gas.
+    """
+    own = given = str(variable.attrs.get("units", "1"))
+    if KELVIN in variable.attrs:
+        if wanted is not None and _is_standard(wanted):
+            given = wanted
+        elif _is_standard(own):
+            given = THROUGHPUT
+    return (variable.values, own) if given == own else (variable.values * _factor(variable.attrs, given), given)
+
+
+def _factor(attrs: Mapping[Any, Any], wanted: str) -> float:
+    """Return the factor from the unit of a variable, by its attributes, to another; of a gas at its temperature."""
+    own, kelvin = str(attrs.get("units", "1")), attrs.get(KELVIN)
+    return convert(1.0, own, wanted) if kelvin is None else throughput(1.0, own, wanted, float(kelvin))
+
+
+def _is_standard(unit: str) -> bool:
+    """Return whether a unit is one of standard volumes; a unit of the user is none."""
+    try:
+        return counts_substance(unit)
+    except (AttributeError, ValueError, TypeError):  # bases of pint's errors
+        return False
