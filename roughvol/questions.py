@@ -216,7 +216,8 @@ def ask(
         raise refused(f"the pressure is asked for; the load {level(at).label} belongs to: for modulus or Sq")
     largest = math.nan
     if leak_rate is not None:
-        largest, wanted = _leak(wanted, str(results["leak_rate"].attrs["units"]), kelvin)
+        of_gas = str(results["gas_leak_rate"].attrs["units"]) if "gas_leak_rate" in results else ""
+        largest, wanted = _leak(wanted, str(results["leak_rate"].attrs["units"]), kelvin, of_gas)
 
     def answered(errors: dict[str, read_off.Errors] | None) -> list[Answer]:
         if leak_rate is None:
@@ -262,8 +263,11 @@ def _card_at(run: StoredRun, load: str, jobs: int | None) -> Card:
     return cards.cards[""]
 
 
-def _leak(text: str, unit: str, kelvin: float | None) -> tuple[float, str]:
-    """Return a leak in the unit of a run, and its text with a unit; ``kelvin`` is the temperature of a gas."""
+def _leak(text: str, unit: str, kelvin: float | None, of_gas: str) -> tuple[float, str]:
+    """Return a leak in the unit of a run, and its text with a unit.
+
+    ``kelvin`` is the temperature of a gas whose leak it is, ``of_gas`` the unit of the leak of the gas of the run.
+    """
     from roughvol.study import convert, read, refused, throughput
     from roughvol.study.values.units import unit_of
 
@@ -275,7 +279,8 @@ def _leak(text: str, unit: str, kelvin: float | None) -> tuple[float, str]:
         )
         return float(largest), text if own else f"{text} {unit}"
     except (ValueError, StudyError) as error:
-        message = f"the leak rate is {text!r}; allowed: a number with its unit, as in {unit} ({error})"
+        either = f", or of the gas as in {of_gas}" if of_gas and kelvin is None else ""
+        message = f"the leak rate is {text!r}; allowed: a number with its unit, as in {unit}{either} ({error})"
         raise refused(message) from error
 
 

@@ -170,6 +170,13 @@ def test_the_unit_of_a_leak_decides_between_liquid_and_gas() -> None:
     assert "no state of record.transport.gas_flow was reached" in refused("ask", "far", "--leak-rate", "1 sccm")
 
 
+def test_a_leak_of_neither_fluid_is_refused_with_the_units_of_both() -> None:
+    liquid = "sccm, leak_rate: {pressure_drop: 1 bar, viscosity: 1 cP}"
+    text = GAS.replace("{gas_flow:", "{transmissivity: every-step, gas_flow:").replace("sccm", liquid)
+    ran("both", text.replace("name: gas", "name: both"))
+    assert "as in mm^3/s, or of the gas as in sccm" in refused("ask", "both", "--leak-rate", "1 kg/s")
+
+
 def test_the_note_has_the_gas_of_a_leak_run_by_run_where_gases_differ() -> None:
     ran("helium", GAS.replace("name: gas", "name: helium"))
     helium = "helium, 1 bar to 0 bar, 293.15 K, law kinetic"
