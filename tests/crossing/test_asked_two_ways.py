@@ -101,14 +101,16 @@ def test_own_functions_see_the_heights_and_the_modulus_of_their_study(
 
 
 def test_standard_volumes_of_a_gas_are_those_of_its_temperature(tmp_path: Path) -> None:
-    record = "record: {transport: {gas_flow: every-step}, dimensional: {pressure: MPa, gas_leak_rate: UNIT}}\n"
+    flows = "{gas_flow: every-step, flux_at: last}"
+    record = f"record: {{transport: {flows}, dimensional: {{pressure: MPa, gas_leak_rate: UNIT}}}}\n"
     made = [
         run(SURFACE + RUBBER + PRESSED + record.replace("UNIT", unit) + HELIUM, tmp_path / str(k))
         for k, unit in enumerate(("sccm", "mbar*l/s"))
     ]
     for one, other, unit in ((*made, "mbar*l/s"), (*made[::-1], "sccm")):
-        changed = one.roughvol.in_units(gas_leak_rate=unit)
-        assert_allclose(changed["gas_leak_rate"], other["gas_leak_rate"], rtol=1e-9)
+        changed = one.roughvol.in_units(gas_leak_rate=unit, flux_at_gas_leak_rate=unit)
+        for name in ("gas_leak_rate", "flux_at_gas_leak_rate"):
+            assert_allclose(changed[name], other[name], rtol=1e-9)
 
 
 @pytest.mark.parametrize("more", ["", ", hardness: 1 GPa", ", thickness: 500 um"])
