@@ -202,9 +202,8 @@ class Accessor:
         check_type(name, str, "the name of a variable is text")
         if name not in self._ds.variables:
             raise DatasetError(ABSENT.format(name))
-        variable = self._ds[name]
         try:
-            values, own = units.for_pint(variable, None if unit is None else str(text_of_value(unit, name)))
+            values, own = units.for_pint(self._ds, name, None if unit is None else str(text_of_value(unit, name)))
             return quantity(values, own, unit, registry)
         except ValueError as error:
             raise DatasetError(f"{name}: {error}") from error

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, MutableMapping
-from typing import Any
+from collections.abc import MutableMapping
 
 import numpy as np
-from xarray import DataArray, Dataset, Variable
+from xarray import Dataset, Variable
 
 from roughvol.analysis.stored_run import Run
 from roughvol.study import Scale, convert
@@ -48,38 +47,43 @@ def in_units(ds: Dataset, units: MutableMapping[str, str]) -> Dataset:
 
     The unit of a variable without one is added to ``units``, so that later datasets follow.
     """
-    changed = {}
+    changed, kelvin = {}, _kelvin(ds)
     for name, variable in ds.data_vars.items():
         own = str(variable.attrs.get("units", "1"))
         wanted = units.setdefault(str(name), own)
         if own == wanted or own in PLAIN or wanted in PLAIN:
             continue
         try:
-            factor = _factor(variable.attrs, wanted)
+            factor = _factor(own, wanted, kelvin)
         except (AttributeError, ValueError, TypeError):  # bases of pint's errors, as for the unit "length"
             continue
         changed[name] = (variable * factor).assign_attrs(variable.attrs | {"units": wanted})
     return ds.assign(changed)
 
 
-def for_pint(variable: DataArray, wanted: str | None) -> tuple[Array, str]:
+def for_pint(ds: Dataset, name: str, wanted: str | None) -> tuple[Array, str]:
     """Return the values of a variable, and their unit, from which pint converts to a unit, or to none.
 
     Pint knows no temperature: standard volumes of a gas, as sccm, hold at 0 °C, other throughputs at that of the gas.
     """
+    variable, kelvin = ds.variables[name], _kelvin(ds)
     own = given = str(variable.attrs.get("units", "1"))
-    if KELVIN in variable.attrs:
+    if kelvin is not None:
         if wanted is not None and _is_standard(wanted):
             given = wanted
         elif _is_standard(own):
             given = THROUGHPUT
-    return (variable.values, own) if given == own else (variable.values * _factor(variable.attrs, given), given)
+    return (variable.values, own) if given == own else (variable.values * _factor(own, given, kelvin), given)
 
 
-def _factor(attrs: Mapping[Any, Any], wanted: str) -> float:
-    """Return the factor from the unit of a variable, by its attributes, to another; of a gas at its temperature."""
-    own, kelvin = str(attrs.get("units", "1")), attrs.get(KELVIN)
-    return convert(1.0, own, wanted) if kelvin is None else throughput(1.0, own, wanted, float(kelvin))
+def _kelvin(ds: Dataset) -> float | None:
+    """Return the temperature of the gas of a dataset, None without a gas."""
+    return next((float(v.attrs[KELVIN]) for v in ds.variables.values() if KELVIN in v.attrs), None)
+
+
+def _factor(own: str, wanted: str, kelvin: float | None) -> float:
+    """Return the factor from a unit to another; of a throughput with the temperature of its gas."""
+    return convert(1.0, own, wanted) if kelvin is None else throughput(1.0, own, wanted, kelvin)
 
 
 def _is_standard(unit: str) -> bool:

@@ -53,11 +53,10 @@ def in_units(results: Dataset, study: Study, length_unit: str | None) -> Dataset
     wanted = study.record.dimensional
     if wanted is not None and (leak := wanted.leak_rate) is not None and "leak_rate" in made:
         made["leak_rate"].attrs |= {"pressure_drop": str(leak.pressure_drop), "viscosity": str(leak.viscosity)}
-    if (fluid := study.fluid) is not None:
+    if (fluid := study.fluid) is not None and "gas_leak_rate" in made:
         words = {"gas": fluid.label, "law": fluid.law, "temperature_K": fluid.kelvin, "viscosity": fluid.viscosity}
         words["mean_free_path"] = f"{fluid.mean_free_path(101325.0) * 1e9:.4g} nm at 101325 Pa"
-        for name in made.keys() & {"gas_leak_rate", "flux_at_gas_leak_rate"}:
-            made[name].attrs |= words
+        made["gas_leak_rate"].attrs |= words
     return results.assign(made)
 
 
