@@ -9,6 +9,7 @@ import numpy as np
 from xarray import Dataset, Variable
 
 from roughvol.analysis.stored_run import Run
+from roughvol.store.dimensional import LEAKS
 from roughvol.study import Scale, convert
 from roughvol.study.sections.fluid import throughput
 from roughvol.study.values.units import counts_substance
@@ -45,12 +46,15 @@ def scales(run: Run, surfaces: Dataset) -> list[Scale]:
 def in_units(ds: Dataset, units: MutableMapping[str, str]) -> Dataset:
     """Return a dataset with its variables in given units; a variable whose unit cannot be converted is unchanged.
 
-    The unit of a variable without one is added to ``units``, so that later datasets follow.
+    The unit of a variable without one is added to ``units``, so that later datasets follow. Leaks at recorded states,
+    and those of the dry gap, have the unit of the leak along the steps.
     """
     changed, kelvin = {}, _kelvin(ds)
+    for given in list(units):
+        units.setdefault(_along_steps(given), units[given])
     for name, variable in ds.data_vars.items():
         own = str(variable.attrs.get("units", "1"))
-        wanted = units.setdefault(str(name), own)
+        wanted = units.setdefault(_along_steps(str(name)), own)
         if own == wanted or own in PLAIN or wanted in PLAIN:
             continue
         try:
@@ -74,6 +78,12 @@ def for_pint(ds: Dataset, name: str, wanted: str | None) -> tuple[Array, str]:
         elif _is_standard(own):
             given = THROUGHPUT
     return (variable.values, own) if given == own else (variable.values * _factor(own, given, kelvin), given)
+
+
+def _along_steps(name: str) -> str:
+    """Return the name of a leak along the steps, of one at recorded states or of the dry gap; other names unchanged."""
+    flow = name.removeprefix("flux_at_").removeprefix("fluid_").removesuffix("_dry")
+    return flow if flow in LEAKS else name
 
 
 def _kelvin(ds: Dataset) -> float | None:

@@ -147,6 +147,29 @@ def test_runs_are_compared_at_one_load_whatever_unit_their_lengths_have(level: s
                 assert row[name] == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    "more",
+    [
+        "transport: {transmissivity: every-step, flux_at: {pressure: 0.02 MPa}}",
+        "fluid_pressure: {inlet: 1 mbar, at: last}",
+    ],
+)
+def test_leaks_at_recorded_states_are_compared_in_the_unit_of_the_leak(
+    more: str, tmp_path: Path, runs: list[Dataset]
+) -> None:
+    flows = "" if "transport" in more else "transport: {transmissivity: every-step}, "
+    record = f"record: {{{flows}{more}, dimensional: {LIQUID.replace('}', ', unit: ul/h}', 1)}}}\n"
+    other = run("name: other\n" + SURFACE + RUBBER + PRESSED + record, tmp_path)
+    level = "pressure=0.02 MPa" if flows == "" else "last"
+    alone = other.roughvol.at(level)["leak_rate"].sel(axis="x").item() / 3600.0  # mm³/s
+    found = roughvol.compare([runs[0], other], level).records()
+    row = dict(zip(found.names, found.rows[1], strict=True))
+    assert found.units["leak_rate_x"] == "mm^3/s"
+    assert row["leak_rate_x"] == pytest.approx(alone, rel=1e-9)
+    in_mm = other.roughvol.in_units(leak_rate="mm^3/s").roughvol.at(level)["leak_rate"]
+    assert in_mm.sel(axis="x").item() == pytest.approx(alone, rel=1e-9)
+
+
 def test_a_number_without_a_common_unit_is_left_out_of_a_comparison(tmp_path: Path) -> None:
     plain = SURFACE.replace("L: 100 um, Sq: 0.7 um", "L: 100.0") + "sweep: {steps: 4, to: {pressure: 2}}\n"
     runs = [
