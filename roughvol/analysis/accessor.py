@@ -130,7 +130,8 @@ class Accessor:
         Parameters
         ----------
         **wanted : str or Unit
-            Unit by the name of a variable, as ``nominal_pressure="kPa"``.
+            Unit by the name of a variable, as ``nominal_pressure="kPa"``. Leaks at recorded states have the unit of
+            ``leak_rate``.
 
         Returns
         -------
