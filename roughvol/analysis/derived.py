@@ -25,13 +25,13 @@ CONDUCTIVITY = "W/m/K"
 def derived(ds: Dataset, study: Study | None) -> Dataset:
     """Return a dataset with mean gap, nominal pressure, open ways, stiffness, and the leak that counts.
 
-    The loads of an unloaded surface are 0.
+    The loads and the contact area of an unloaded surface are 0.
     """
     found = _stiffness(ds, study)
     if P in ds:  # an unloaded surface has p* of rounding
-        loads = {name: ds.variables[name] for name in (P, "nominal_pressure") if name in ds}
+        numbers = {name: ds.variables[name] for name in (P, "nominal_pressure", "contact_area_fraction") if name in ds}
         unloaded = abs(ds.variables[P]) <= ROUNDING
-        ds = ds.assign({name: load.where(~unloaded, 0.0) for name, load in loads.items()})
+        ds = ds.assign({name: one.where(~unloaded, 0.0) for name, one in numbers.items()})
     if "mean_gap" not in ds and {"Sq", V} <= set(ds):
         gap = found["mean_gap"] = ds.variables[V] * sigma(ds)
         gap.attrs |= {"units": ds.attrs.get("length_unit", "length"), "symbol": "g_mean"}

@@ -129,6 +129,8 @@ class Path:
             return self._from_touch(target, goal)
         last, before = states[-1], states[-2]["indentation"] if len(states) > 1 else -np.inf
         trials = Trials(surface, self._half_space, options, after=last)
+        if target.kind.startswith("leak_rate"):
+            _check_leak(target, goal, trials)
         start = trials.known(last, so_far.residual)
         begin, fell = goal.measure(start), last["indentation"] < before
         if target.kind in ("contact_area", "pressure") and goal.value > begin and not (case.plastic or fell):
@@ -164,10 +166,16 @@ class Path:
         trials = Trials(self._surface, self._half_space, self._options)
         if target.kind == "free_volume":
             check_touch(target, self._case, self._surface, trials.untouched)
-        elif goal.reached(trials.untouched):
-            message = f"{target.label} lies before the first touch; allowed: below the leak rate of the first touch"
-            raise ContactError(message)
+        else:
+            _check_leak(target, goal, trials)
         return state_crossing(trials, goal, trials.untouched).approach
+
+
+def _check_leak(target: Level, goal: Target, trials: Trials) -> None:
+    """Refuse a leak that no contact has."""
+    if goal.reached(trials.untouched):
+        message = f"{target.label} lies before the first touch; allowed: below the leak rate of the first touch"
+        raise ContactError(message)
 
 
 def last_indentation(case: Case, surface: Surface, half_space: Compliance) -> float:
