@@ -31,6 +31,7 @@ Nothing else is said to open. States above that inlet may exist for a joint pres
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -53,7 +54,7 @@ from roughvol.typing import Array
 RTOL = 1e-10  # largest η/σ of the contacts: the fixed point needs digits
 ACCURACY = 1e-6  # of P over the pressure drop, the largest change of an element in a round
 STEP = 0.25  # largest rise of the inlet over the load from state to state
-ROUNDS = 80  # solves of the contact in a step
+ROUNDS = 60  # solves of the contact until the change of P has halved
 TRUST = 0.25  # largest error of the linear F over the change of P that is left
 OPENS = 1e-3  # share of the load on a contact that is about to be lost
 SOFTER = tuple(10.0**-digit for digit in range(1, 8))  # conductances of closed elements on the way to `LEAST`
@@ -203,7 +204,7 @@ class Coupling:
                         "fluid carries the whole load. Allowed: a lower inlet, or a higher load"
                     ) from opening
                 except ConvergenceError as error:
-                    rounds, unsettled = rounds + ROUNDS, error
+                    rounds, unsettled = rounds + error.iterations, error
                     continue
                 fluid, reached, rounds, rises = state.fluid, share, rounds + state.rounds, _after(rise, settle)
                 break
@@ -226,7 +227,9 @@ class Coupling:
                 try:
                     state = self._relaxed(following, load, near, least)
                 except (ConvergenceError, Opening) as error:
-                    rounds, last, failed = rounds + ROUNDS, error, failed + isinstance(error, ConvergenceError)
+                    last = error
+                    if isinstance(error, ConvergenceError):
+                        rounds, failed = rounds + error.iterations, failed + 1
                     if failed == FAILED:
                         break
                     continue
@@ -241,10 +244,15 @@ class Coupling:
         if mean >= load:  # the fluid alone carries the load: damped back
             fluid = fluid * ((1.0 - OPENS) * load / mean)
         here, drag, shortened = Round(self, self.under(fluid, load, near), least), 0.0, False
-        for rounds in range(1, ROUNDS):
+        smallest, until = here.size, ROUNDS
+        for rounds in itertools.count(1):
             state, fluid = here.state, here.state.fluid
             if here.size <= ACCURACY * self.drop:
                 return replace(state, rounds=rounds, residual=max(state.residual, here.size / self.drop))
+            if here.size <= 0.5 * smallest:
+                smallest, until = here.size, rounds + ROUNDS
+            elif rounds == until:
+                break
             change, expected = here.step(drag)
             trial = fluid + change
             error = np.inf
@@ -266,7 +274,7 @@ class Coupling:
             "joint opens"
         )
         left, indentation = here.size / self.drop, near.contact.indentation
-        raise ConvergenceError(message, indentation=indentation, iterations=ROUNDS, residual=left)
+        raise ConvergenceError(message, indentation=indentation, iterations=rounds, residual=left)
 
     def displacement(self, pressure: Array) -> Array:
         """Return u over σ under a scaled pressure on every element, both flat."""
