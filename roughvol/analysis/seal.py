@@ -293,6 +293,8 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
     if patch is None:
         return states
     if is_lifted(surfaces) and patch.patches[0] > 1:
+        if not LEAKS.keys() & set(states):
+            return states
         return states.assign_attrs({UNKNOWN: f"The leak of the seal of {patch.seal.label} is not known: {IN_A_ROW}."})
     alike = is_isotropic([ratios(surfaces.isel(seed=[k])) for k in range(surfaces.sizes["seed"])])
     words = f"{patch.seal.label}, flow along {patch.seal.flow}, {' × '.join(map(str, patch.patches))} patches"

@@ -54,7 +54,7 @@ def in_units(ds: Dataset, units: MutableMapping[str, str]) -> Dataset:
         units.setdefault(_along_steps(given), units[given])
     for name, variable in ds.data_vars.items():
         own = str(variable.attrs.get("units", "1"))
-        wanted = units.setdefault(_along_steps(str(name)), own)
+        wanted = units.get(str(name)) or units.setdefault(_along_steps(str(name)), own)
         if own == wanted or own in PLAIN or wanted in PLAIN:
             continue
         try:
@@ -97,7 +97,7 @@ def _factor(own: str, wanted: str, kelvin: float | None) -> float:
 
 
 def _is_standard(unit: str) -> bool:
-    """Return whether a unit is one of standard volumes; a unit of the user is none."""
+    """Return whether a unit counts standard volumes; pint may not know the unit of a user."""
     try:
         return counts_substance(unit)
     except (AttributeError, ValueError, TypeError):  # bases of pint's errors

@@ -129,8 +129,6 @@ class Path:
             return self._from_touch(target, goal)
         last, before = states[-1], states[-2]["indentation"] if len(states) > 1 else -np.inf
         trials = Trials(surface, self._half_space, options, after=last)
-        if target.kind.startswith("leak_rate"):
-            _check_leak(target, goal, trials)
         start = trials.known(last, so_far.residual)
         begin, fell = goal.measure(start), last["indentation"] < before
         if target.kind in ("contact_area", "pressure") and goal.value > begin and not (case.plastic or fell):
@@ -139,6 +137,8 @@ class Path:
         if (goal.value < begin) != fell or not self._half_space.kernel.m_matrix:
             trials = Trials(surface, self._half_space, options, after=last, turned=True)
             start = trials.known(last, so_far.residual)
+        if target.kind.startswith("leak_rate"):
+            _check_leak(target, goal, trials)
         return state_crossing(trials, goal, start).approach
 
     def first(self, target: Level) -> float:

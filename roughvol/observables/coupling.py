@@ -146,6 +146,7 @@ class Coupling:
         self.inlet, self.outlet, self.rtol = inlet, outlet, rtol
         self.drop = inlet - outlet
         self.trials = Trials(surface, half_space, rtol=rtol)
+        self.solves = 0  # of the contact under a fluid pressure
 
     def fluid_in(self, gap: Array) -> Array:
         """Return P of the flow through a gap, in the unit of p*."""
@@ -162,6 +163,7 @@ class Coupling:
         if not excess > 0.0:
             message = f"the mean fluid pressure is p* = {fluid.mean():.6g}; allowed: below the load, p* = {load:.6g}"
             raise Opening(message)
+        self.solves += 1
         trials = self.trials.lowered(self.displacement((fluid / (np.pi * self.surface.intervals[0])).ravel()))
         begin = trials.moved(near.contact, near.trials)
         guess = begin.approach + ((excess - begin.mean_pressure) / stiffness if stiffness else 0.0)
@@ -204,9 +206,11 @@ class Coupling:
                         "fluid carries the whole load. Allowed: a lower inlet, or a higher load"
                     ) from opening
                 except ConvergenceError as error:
-                    rounds, unsettled = rounds + error.iterations, error
+                    unsettled = error
                     continue
-                fluid, reached, rounds, rises = state.fluid, share, rounds + state.rounds, _after(rise, settle)
+                finally:
+                    rounds += at.solves
+                fluid, reached, rises = state.fluid, share, _after(rise, settle)
                 break
             else:
                 raise unsettled
@@ -218,7 +222,7 @@ class Coupling:
         Starts are the fluid pressure, that of the dry gap, and that of a wide gap. Where a way is about to close, g³ is
         of the order of the conductance k of a closed element: P goes about with k^(1/3). Two states give the next P.
         """
-        rounds = 0
+        before = self.solves
         for start in (fluid, self.fluid_in(near.gap), self.fluid_in(np.ones(self.surface.shape))):
             known, failed = list[tuple[float, Array]](), 0
             for least in (*SOFTER, LEAST):
@@ -227,15 +231,13 @@ class Coupling:
                 try:
                     state = self._relaxed(following, load, near, least)
                 except (ConvergenceError, Opening) as error:
-                    last = error
-                    if isinstance(error, ConvergenceError):
-                        rounds, failed = rounds + error.iterations, failed + 1
+                    last, failed = error, failed + isinstance(error, ConvergenceError)
                     if failed == FAILED:
                         break
                     continue
-                known, rounds, failed = [*known[-1:], (at, state.fluid)], rounds + state.rounds, 0
+                known, failed = [*known[-1:], (at, state.fluid)], 0
                 if least == LEAST:
-                    return replace(state, rounds=rounds)
+                    return replace(state, rounds=self.solves - before)
         raise last
 
     def _relaxed(self, fluid: Array, load: float, near: Lifted, least: float = LEAST) -> Lifted:
@@ -326,7 +328,8 @@ class Round:
             weights = np.linalg.lstsq(matrix, right)[0]
             if np.linalg.norm(matrix @ weights - right) <= LINEAR * self._right:
                 break
-        of_flow = (weights @ np.array(self._images[:count])).reshape(self.left.shape)
+        images = zip(weights.tolist(), self._images, strict=False)  # the space may be larger
+        of_flow = np.sum([weight * image for weight, image in images], axis=0).reshape(self.left.shape)
         change = (self.left + of_flow) / (1.0 + drag)
         return change, self.left - change + of_flow
 

@@ -104,11 +104,7 @@ class States:
         """Yield the fluids of the leaks, run by run where they differ, and which surfaces count."""
         yield from self._fluids("leak_rate", leak.fluid_of, "Q is the leak of the patch")
         yield from self._fluids("gas_leak_rate", leak.gas_of, "Q_g is the throughput of the patch")
-        held = [name for name in LEAKS.values() if name in self.columns]
-        seals = [row.data[name].attrs for row in self.rows for name in held if name in row.data]
-        for words, sheets in dict.fromkeys((one["seal"], one["sheets"]) for one in seals):
-            yield f"Q_seal is the leak of the seal of {words}: the median of {sheets} {SHEETS}"
-        yield from dict.fromkeys(reason for row in self.rows if (reason := row.state.data.attrs.get(UNKNOWN)))
+        yield from (run + seal for seal, run in self._by_run(self._seal).items())
         apart = max((row.state.apart for row in self.rows), default=1.0)
         if apart > ROUGH and any(map(is_flow, self.columns)):
             yield f"Flows of the steps around a state differ by a factor of up to {apart:.2g}: more steps narrow it."
@@ -123,12 +119,24 @@ class States:
         """Yield what a flow is, and its fluid, run by run where fluids differ."""
         if not any(name.startswith(flow) for name in self.columns):
             return
+        named = self._by_run(lambda row: words_of(row.state.data))
+        if named:
+            yield f"{leaks}, {'; '.join(run + fluid for fluid, run in named.items())}."
+
+    def _seal(self, row: Row) -> str:
+        """Return what the leak of a seal is, or why it is not known; empty without a seal."""
+        for name in LEAKS.values():
+            if name in self.columns and name in row.data:
+                seal, sheets = (row.data[name].attrs[key] for key in ("seal", "sheets"))
+                return f"Q_seal is the leak of the seal of {seal}: the median of {sheets} {SHEETS}"
+        return str(row.state.data.attrs.get(UNKNOWN, ""))
+
+    def _by_run(self, words_of: Callable[[Row], str]) -> dict[str, str]:
+        """Return the words that rows have, with the names of their runs and groups where rows differ."""
         found: dict[str, dict[str, None]] = {}
         for row in self.rows:
-            found.setdefault(words_of(row.state.data), {})[row.name] = None
-        named = {fluid: f"{', '.join(names)}: " if len(found) > 1 else "" for fluid, names in found.items() if fluid}
-        if named:
-            yield f"{leaks}, {'; '.join(words + fluid for fluid, words in named.items())}."
+            found.setdefault(words_of(row), {})[row.name] = None
+        return {words: f"{', '.join(names)}: " if len(found) > 1 else "" for words, names in found.items() if words}
 
 
 def every_step(group: Dataset, table: str | None = None) -> Iterator[tuple[State, dict[str, Numbers]]]:

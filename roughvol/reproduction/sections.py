@@ -136,7 +136,10 @@ def _absent(judgement: Judgement) -> Section:
 
 def _comes_near(judgement: Judgement) -> bool:
     """Return whether no claim is computed, though a run has the surfaces of the paper and the end of its sweeps."""
-    return not judgement.computed and any(not run.origin and run.end == PAPER_END for run in judgement.own)
+    return not judgement.computed and any(
+        not (run.origin or run.scaled or "length_unit" in run.dataset.attrs) and run.end == PAPER_END
+        for run in judgement.own
+    )
 
 
 def _badge(claim: Claim) -> Cell:

@@ -81,9 +81,10 @@ def widened(results: Dataset) -> Dataset:
 def _means_of(results: Dataset) -> dict[str, list[str]]:
     """Return the variables of an ensemble with their dimensions; those of a function of the user are as of V*."""
     found = {}
-    for name, variable in ((str(name), variable) for name, variable in results.data_vars.items()):
+    for name in map(str, results.data_vars):
         end = max((end for end in MEAN_ENDS if name.endswith(end)), key=len, default="")
-        row = VARIABLES.get(name) or VARIABLES[f"free_volume{'' if 'step' in variable.dims else end}"]
+        is_mean = f"{name.removesuffix(end)}_accuracy_asked" in results
+        row = VARIABLES.get(name) or VARIABLES[f"free_volume{end if is_mean else ''}"]
         if not row.dims.startswith("..."):
             found[name] = row.dims.split()
     return found

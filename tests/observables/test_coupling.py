@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials
@@ -140,6 +140,22 @@ def test_an_inlet_above_the_load_may_leave_a_joint_in_contact():
     assert state.fluid.mean() < 4.0
     assert 0.0 < (state.gap == 0.0).mean() < dry.contact_area_fraction
     assert np.abs(coupled.fluid_in(state.gap) - state.fluid).max() <= 2e-6 * 4.8
+
+
+def test_a_step_solves_the_linear_equations_for_every_drag():
+    surface, half_space, dry = joint(4, 1)
+    coupled = Coupling(surface, half_space, 0, 0.5 * LOAD)
+    near = coupled.without_fluid(dry)
+    begin = coupling.Round(coupled, coupled.under(coupled.fluid_in(near.gap), LOAD, near), coupling.LEAST)
+    found = []
+    for drag in (0.0, 4.0, 1.0, 0.0):
+        change, left = begin.step(drag)
+        of_flow = begin._change(change.ravel()[begin._open]).reshape(change.shape)
+        wrong = begin.left - (1.0 + drag) * change + of_flow
+        assert np.linalg.norm(wrong) <= 2.0 * coupling.LINEAR * begin.norm
+        assert np.linalg.norm(left - (begin.left - change + of_flow)) <= 2.0 * coupling.LINEAR * begin.norm
+        found.append(change)
+    assert_array_equal(found[0], found[-1])
 
 
 def test_what_does_not_settle_is_an_error(monkeypatch):

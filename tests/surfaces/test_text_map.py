@@ -37,6 +37,13 @@ def test_three_columns_that_are_no_grid_are_refused_unless_the_user_insists(tmp_
     same(path, HEIGHTS[:, :3], columns="heights")
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_tilted_grooves_are_heights(tmp_path, axis):
+    x, y = np.indices((12, 12))
+    grooves = np.sin(x) + 0.25 * y if axis else np.sin(y) + 0.25 * x
+    same(put(tmp_path / "grooves.csv", rows(grooves, ";")), grooves)
+
+
 def test_rounded_and_shifted_coordinates_are_a_grid(tmp_path):
     points = POINTS + np.array([1e3, -2e3, 0.0])
     points[:, :2] += 1e-10 * np.random.default_rng(2).normal(size=(len(points), 2))

@@ -110,7 +110,7 @@ PLANES, PERCOLATION = ("mean-plane", "summit-plane"), "percolation"
 
 
 def _tag_to(value: Any) -> str:
-    """Return the form of an end; a word that is none has the form of the most similar word, whose error fits it."""
+    """Return the form of an end; an unknown word has the form of the most similar word."""
     is_plane = isinstance(value, str) and nearest(value, [*PLANES, PERCOLATION]) in PLANES
     return "<plane>" if is_plane else "<state>"
 

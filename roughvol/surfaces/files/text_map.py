@@ -276,7 +276,8 @@ def _refuse_coordinates(path: Path, numbers: Array) -> None:
                 f"{path}: looks like x y z points: the first two of its {nodes} {kind} form a grid; "
                 f"give columns x y z alone; {INSIST}"
             )
-    if min(rows, columns) < 4 or all(_even(row) for row in numbers[1:, 1:]):
+    inside = numbers[1:, 1:]
+    if min(rows, columns) < 4 or any(all(map(_even, lines)) for lines in (inside, inside.T)):  # a plane, or grooves
         return
     if _even(numbers[0, 1:]) and _even(numbers[1:, 0]):
         message = f"{path}: the first line and the first column look like coordinates: delete them and give L; {INSIST}"
