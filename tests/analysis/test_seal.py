@@ -351,6 +351,10 @@ def test_a_fluid_pressure_that_differs_from_patch_to_patch_is_refused(here: Path
     shown = said("show", "lifted")
     assert "Q_seal" not in shown
     assert unknown in shown
+    ran("dry", COARSE.replace("name: joint", "name: dry"))
+    compared = said("compare", "lifted", "dry", "--at", AT)
+    assert f"lifted: {unknown}" in compared
+    assert "dry: Q_seal is the leak of the seal of 120 mm by 2 mm" in compared
 
 
 def test_read_offs_and_creep_are_those_of_the_seal(here: Path) -> None:

@@ -168,6 +168,9 @@ def test_leaks_at_recorded_states_are_compared_in_the_unit_of_the_leak(
     assert row["leak_rate_x"] == pytest.approx(alone, rel=1e-9)
     in_mm = other.roughvol.in_units(leak_rate="mm^3/s").roughvol.at(level)["leak_rate"]
     assert in_mm.sel(axis="x").item() == pytest.approx(alone, rel=1e-9)
+    recorded = next(name for name in ("fluid_leak_rate", "flux_at_leak_rate") if name in other)
+    both = other.roughvol.in_units(**{"leak_rate": "ml/min", recorded: "mm^3/s"})
+    assert [both[name].attrs["units"] for name in ("leak_rate", recorded)] == ["ml/min", "mm^3/s"]
 
 
 def test_a_number_without_a_common_unit_is_left_out_of_a_comparison(tmp_path: Path) -> None:

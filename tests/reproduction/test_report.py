@@ -339,6 +339,9 @@ def test_a_smaller_study_of_the_paper_has_what_each_claim_lacks(tmp_path: Path) 
     lacking = "D = 2.2, 2.4, needs 2.1, 2.3, 2.5, 2.7, 2.9; m = 4, needs m >= 8; 2 surfaces of each kind, needs 10"
     assert f"smaller: {lacking}" in page
     assert report_page.summary(report_of(found)).endswith("the page has what each claim lacks")
+    for name, own in (("sized", "L: 1 mm, "), ("scaled", "Sq: 0.5, ")):  # the surfaces of the paper have neither
+        others = judge(list(kit.stored(tmp_path, **{name: text.replace("{D: ", f"{{{own}D: ")}).values()))
+        assert "claim" not in report_page.summary(report_of(others))
 
 
 def test_runs_of_the_paper_and_scans_have_a_section_each(
