@@ -55,7 +55,7 @@ ERRORS = 2.0  # standard errors within which x and y are alike
 ENDS = (0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE)
 LONGEST = 0.25  # largest variance of the waves as long as the map over that of the highest octave
 LEAKS = {"leak_rate": "seal_leak_rate", "gas_leak_rate": "seal_gas_leak_rate"}
-UNKNOWN = "seal_unknown"  # attribute of states without a leak of the seal: the reason
+UNKNOWN = "seal_unknown"  # attribute with the reason why states have no leak of the seal
 IN_A_ROW = "fluid pressure lifts patches in a row differently"
 ONE_LOAD = 1e-4  # relative: patches at a state have one load
 MOST = 700.0  # logarithm of a factor, so that its exponential is finite
@@ -281,10 +281,10 @@ def ratios(surface: Dataset) -> Array:
 def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Dataset:
     """Return states with the leaks of the seal of their study, as medians over sheets of patches; 0 where closed.
 
-    States without a leak of the seal stay as they are: of a study without a seal, of a seal smaller than its patches,
-    and of patches in a row that fluid pressure lifts by different pressures, which have an attribute `UNKNOWN`.
-    A leak at a step of surfaces that differ in their load there is missing, as is 0 where a surface is not known. All
-    steps, ``surfaces``, show whether x and y differ.
+    States of a study without a seal, or with a seal smaller than its patches, stay as they are. Where fluid pressure
+    lifts patches in a row by different pressures, the attribute `UNKNOWN` has the reason. A leak at a step of surfaces
+    that differ in their load there is missing, as is 0 where a surface is not known. All steps, ``surfaces``, show
+    whether x and y differ.
     """
     try:
         patch = Patch.of(study, surfaces)

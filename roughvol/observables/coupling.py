@@ -301,7 +301,7 @@ class Round:
         right = self.left.ravel()[self._open]
         self._right = float(np.linalg.norm(right))
         self._basis, self._images = [right / (self._right or 1.0)], list[Array]()  # F' of the basis on every element
-        self._projected = np.zeros((KRYLOV + 1, KRYLOV))
+        self._projected = np.zeros((KRYLOV + 1, KRYLOV))  # F' in the basis
 
     @cached_property
     def _response(self) -> Response:
@@ -334,7 +334,7 @@ class Round:
         return change, self.left - change + of_flow
 
     def _extend(self) -> None:
-        """Add F' of the last vector of the basis, and the next vector (Arnoldi)."""
+        """Add F' of the last vector of the basis, and the next orthogonal vector (Arnoldi)."""
         count = len(self._basis)
         image = self._change(self._basis[-1])
         new = image[self._open]

@@ -11,7 +11,7 @@ from roughvol.observables.variables import AXES, OBSERVABLES, Observable
 from roughvol.study import EVERY_STEP, Case, Level, Record, Select
 
 PASSES = {"full": 40, "one-way": 1}
-"""Solves of a contact under fluid pressure, by the coupling, for the cost. Near closing an axis may take 240."""
+"""Solves of a contact under fluid pressure, by the coupling, for the cost. Near closing an axis may take 320."""
 
 
 def value_of(record: Record, key: str) -> Any:

@@ -30,3 +30,4 @@ def test_factors_without_pint_have_the_bits_of_pint_0_25_and_agree_with_older_on
 def test_a_dot_between_units_is_a_product(dotted: str, same: str) -> None:
     kind = next(kind for kind, row in KINDS.items() if same in row.units)
     assert convert(read(f"2.5 {dotted}", kind), dotted, same) == pytest.approx(2.5)
+    assert unit_of(read(f"2.5 {dotted}", kind)) == dotted.replace(".", "*")

@@ -13,7 +13,7 @@ import math
 import re
 import textwrap
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -151,9 +151,11 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
         if flows:
             ax.set(xlabel=_label(x, ready), ylabel=_label(y, ready))
             _flow(ax, some, x, y, title)
-            notes = _fluids(ready) if y == "leak_rate" else []
-            if y == "gas_leak_rate":
-                notes += dict.fromkeys(f"Gas: {words}." for run in ready if (words := gas_of(run.dataset)))
+            notes = []
+            if y == "leak_rate":
+                notes = _fluids(ready, fluid_of, fluid_note(ready[0].dataset), "Pressure drop and viscosity differ")
+            elif y == "gas_leak_rate" and (gas := gas_of(ready[0].dataset)):
+                notes = _fluids(ready, gas_of, [f"Gas: {gas}."], "Gases differ")
         else:
             log = y_key in LOGARITHMIC
             members = [[_positive(curve) if log else curve for curve in curves(f, x, y)] for f in some]
@@ -211,13 +213,13 @@ def _legend(ax: Axes, some: Sequence[Family], closed: set[str], title: str, *, d
     legend(ax, "; ".join(filter(None, heading)), handles)
 
 
-def _fluids(runs: Sequence[Named]) -> list[str]:
-    """Return pressure drop and viscosity of a leak, run by run where they differ."""
-    found = [fluid_of(run.dataset) for run in runs]
+def _fluids(runs: Sequence[Named], words_of: Callable[[Dataset], str], alone: list[str], differ: str) -> list[str]:
+    """Return the notes on the fluid of a leak, those of all runs, or one note with the fluid of each run."""
+    found = [words_of(run.dataset) for run in runs]
     if len(set(found)) == 1:
-        return fluid_note(runs[0].dataset)
+        return alone
     each = [f"{file_text(run.name)}: {words or 'unknown'}" for run, words in zip(runs, found, strict=True)]
-    return [f"Pressure drop and viscosity differ: {'; '.join(each)}."]
+    return [f"{differ}: {'; '.join(each)}."]
 
 
 def _origin(runs: Sequence[Named], some: Sequence[Family]) -> str:

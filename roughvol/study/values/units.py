@@ -61,7 +61,7 @@ _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?![eE][-+]
 # Words, small powers, products and quotients. Other arithmetic of pint is refused.
 _POWER = r"(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³⁴-⁹])?"
 _UNIT = re.compile(rf"°?[^\W\d_]{{1,30}}{_POWER}(?:(?: ?[*·/] ?|[. ])[^\W\d_]{{1,30}}{_POWER}){{0,5}}")
-_DOT = re.compile(r"·|\.(?=[^\W\d])")
+_DOT = re.compile(r"\.(?=[^\W\d])")  # between units, a product
 _STANDARD = re.compile(r"(?:sccm|sccs|standard_liter_per_minute)\b")  # pint's full names, behind a prefix
 ROUNDING = 1e-12  # relative, of two numbers in different units
 _NOT_KNOWN = (AttributeError, ValueError, TypeError, AssertionError)  # bases of pint's errors beside PintError
@@ -294,7 +294,7 @@ HeightsUnit = Annotated[str, unit_name("length", counts=True)]
 
 def _checked(unit: str, kind: str) -> str:
     """Return a unit of a kind in its stored form; refuse others."""
-    unit = unit.strip()
+    unit = _DOT.sub("*", unit.strip())
     if kind == "length" and (name := named(unit)):
         return name
     dimension, allowed, _ = KINDS[kind]
@@ -331,8 +331,7 @@ def _dimension(unit: str) -> str | None:
 
 
 def _spelled(unit: str) -> str:
-    """Return a unit in the spelling of pint; a dot before a letter is a product."""
-    return _DOT.sub("*", unit).replace("°", "deg")
+    return _DOT.sub("*", unit).replace("·", "*").replace("°", "deg")
 
 
 @functools.cache
