@@ -69,6 +69,7 @@ class History:
     - ``ratio``: J(t)/J(0) of the contact
     - ``equivalent``: nominal pressure of the same p* at the modulus of the study, p J(t)/J(0)
     - ``area``: A*, mean over the surfaces whose sweep reaches the state; NaN if none does
+    - ``reaching``: number of these surfaces, of ``surfaces``
     - ``leak``: leak by axis
     - ``body``: the body that creeps, in words
     - ``has_errors``: whether the intervals have the errors of leak cards
@@ -79,6 +80,8 @@ class History:
     ratio: Array
     equivalent: Array
     area: Array
+    reaching: Array
+    surfaces: int
     leak: dict[str, OverSurfaces]
     pressure: float
     pressure_unit: str
@@ -109,6 +112,7 @@ class History:
                     "compliance_ratio": float(self.ratio[k]),
                     "equivalent_pressure": float(self.equivalent[k]),
                     "contact_area_fraction": finite(self.area[k]),
+                    "surfaces_reaching": int(self.reaching[k]),
                     "leak": ways,
                 }
             )
@@ -153,6 +157,8 @@ def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float])
         ratio,
         equivalent,
         np.array([average("contact_area_fraction", there).value for there in np.transpose(areas)]),
+        np.isfinite(areas).sum(axis=0),
+        len(areas),
         {axis: _over_surfaces(each, equivalent) for axis, each in by_axis.items()},
         pressure,
         unit,
@@ -270,6 +276,8 @@ def table_of(over_time: History) -> Table:
             _time(seconds),
             *(number(values[k]) for values in (over_time.ratio, over_time.equivalent, over_time.area)),
         ]
+        if 0 < over_time.reaching[k] < over_time.surfaces:
+            row[-1] += f" ({over_time.reaching[k]} of {over_time.surfaces})"
         for leak in over_time.leak.values():
             row += [_leak(leak, k), *(_interval(leak, k) for _ in intervals)]
             if several:
@@ -295,6 +303,8 @@ def _note(over_time: History, *, several: bool) -> str:
         words.append(f"error of the reading up to a factor of {worst:.3g}")
     if several:
         words.append("Q is the median over the surfaces, closed ones counted as 0")
+    if over_time.reaching.min() < over_time.surfaces:
+        words.append("A* is the mean over the surfaces whose sweep reaches the state")
     return "; ".join(words)
 
 

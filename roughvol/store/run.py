@@ -241,6 +241,9 @@ def study_of(run: str | Path, changes: Sequence[str] = (), *, stored: bool = Fal
             words = "a height map, no study" if _is_map(path) else f"{reason}. If it is a height map"
             problem = Problem(f"{words}: roughvol init {_word(path)} writes a study for it", file=str(path))
             raise StudyError([problem]) from error
+        if path.suffix not in STUDY_SUFFIXES and not _is_file(path):
+            looked_for = ", ".join(str(folder / "study.yaml") for folder in _folders(run))
+            raise StudyError([Problem(f"no study file and no run: looked for {path}, {looked_for}")]) from error
         raise
     return study, run_folder.folder_of(study)
 

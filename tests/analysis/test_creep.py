@@ -275,6 +275,8 @@ def test_some_closed_surfaces_do_not_close_the_seal(run: Dataset, law: Creep) ->
     assert leak.closing.tolist() == [0, 0, 1, 0, 0]
     text = creep.table_of(over_time).rows
     assert [row[6] for row in text] == ["5 of 5", "4 of 5", "4 of 5 (1 closing)", "3 of 5", "3 of 5"]
+    assert [row[3].partition(" ")[2] for row in text] == ["", "", *["(4 of 5)"] * 3]
+    assert creep.table_of(over_time).note.endswith("A* is the mean over the surfaces whose sweep reaches the state")
     assert not any("closed" in cell for row in text for cell in row)
     mostly = creep.table_of(creep.history(ds.isel(seed=[2, 3, 4]), law, 1e-3, [8.0])).rows[0]
     assert mostly[4] == "0"
