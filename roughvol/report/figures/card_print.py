@@ -237,7 +237,12 @@ def width_of(text: str, size: float, weight: str = "normal") -> float:
 
 @functools.cache
 def _of_size_1(text: str, weight: str) -> float:
+    return sum(_advance(letter, weight) for letter in text)
+
+
+@functools.cache
+def _advance(letter: str, weight: str) -> float:
+    """Return the width of a letter over the size of the type; pairs of letters lie no farther apart."""
     font, large = get_font(findfont(FontProperties(family=SANS["font.family"], weight=weight))), 100.0
     font.set_size(large, 72)
-    font.set_text(text, 0.0)
-    return float(font.get_width_height()[0]) / 64.0 / large
+    return float(font.load_char(ord(letter)).linearHoriAdvance) / 65536.0 / large
