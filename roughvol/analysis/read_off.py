@@ -316,23 +316,26 @@ def seal_words(run: Dataset) -> str:
 def narrower(run: Dataset, answers: Sequence[Answer], *, closed: bool) -> list[str]:
     """Return the changes of the study, a name and a sweep, that solve states around the answers; for ``--set``.
 
-    If the joint is asked to be ``closed``, its closing load is solved in the place of the states.
-
-    Empty without an answer within the stored loads, or if the study does not take them.
+    If the joint is asked to be ``closed``, its closing load is solved in the place of the states. Without an answer
+    within the stored loads the sweep goes on to its closing. Empty if the study does not take the changes.
     """
     unit = str(run["nominal_pressure"].attrs["units"]) if "nominal_pressure" in run else ""
     nominal = [answer.nominal for answer in answers if answer.found and answer.nominal.low < answer.nominal.high]
     found = sorted(
         {float(f"{load:.5g}") for reading in nominal for load in np.geomspace(reading.low, reading.high, AROUND)}
     )
-    text = str(run.attrs.get("study", ""))
-    if not found:
+    is_beyond = not any(answer.found or answer.nominal.value == 0.0 for answer in answers)
+    if not found and not is_beyond:
         return []
     listed = ", ".join(f"{load:g} {unit}".strip() for load in found)
-    solve_closing = closed and closing.SOLVED not in run
-    change = "record.transport.closing=true" if solve_closing else f"sweep={{pressures: [{listed}]}}"
+    change = "sweep.to=percolation" if is_beyond else f"sweep={{pressures: [{listed}]}}"
+    if closed and closing.SOLVED not in run:
+        change = "record.transport.closing=true"
+    elif closed and is_beyond:  # solved: it closes at no load
+        return []
+    text = str(run.attrs.get("study", ""))
     try:
-        changes = [f"name={loads(text, stored=True).name}_closer", change]
+        changes = [f"name={loads(text, stored=True).name}_{'farther' if is_beyond else 'closer'}", change]
         loads(text, stored=True, changes=changes)
     except StudyError:
         return []

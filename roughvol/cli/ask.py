@@ -80,12 +80,13 @@ def ask(
         say(f"along {answer.axis}: {_words(answer, unknown, closed=closed)}")
         if answer.budget is not None:
             say(f"  {_of_budget(answer)}")
-    errors = budget or not any(answer.found for answer in found.answers)  # without an answer no errors are missing
+    is_found = any(answer.found for answer in found.answers)
+    errors = budget or not is_found  # without an answer no errors are missing
     offered = found.run.has_study and not is_throughput(found.leak_rate)
     for line in beyond(found.run, has_errors=errors, offered=offered):
         say(line)
-    if (narrower := found.command()) and not budget:
-        say(f"Solved states narrow the interval: {narrower}")
+    if (narrower := found.command()) and not (budget and is_found):
+        say(f"Solved states {'narrow the interval' if is_found else 'go beyond the sweep'}: {narrower}")
 
 
 def titled(name: str, results: Dataset) -> str:

@@ -27,7 +27,9 @@ from roughvol.cli.output import say, say_json, say_table, warn
 @RUN
 @click.option("--law", required=True, type=click.Path(path_type=Path), help="YAML file of the creep law J(t)/J(0).")
 @at(several=False)
-@click.option("--times", required=True, metavar="TIMES", help="Times under load: 'FROM..TO' or a list, with units (else s).")
+@click.option(
+    "--times", required=True, metavar="TIMES", help="Times under load: 'FROM..TO' or a list, with units (else s)."
+)
 @BUDGET
 @out("the run's; for creep.csv and creep.png")
 @JOBS

@@ -296,7 +296,17 @@ def test_a_value_beyond_the_stored_loads_is_infinite_and_one_above_all_is_zero(s
     record = read_off.record(read_off.ask(swept, 1e-30, "pressure")[0], "pressure")
     assert record["value"] is None
     assert record["interval"][1] is None
-    assert not read_off.narrower(swept, read_off.ask(swept, 1e-30, "pressure"), closed=False)
+
+
+def test_without_an_answer_the_sweep_goes_on(swept: Dataset) -> None:
+    answers = read_off.ask(swept, 1e-30, "pressure")
+    assert read_off.narrower(swept, answers, closed=False)[1] == "sweep.to=percolation"
+    assert read_off.narrower(swept, answers, closed=True)[1] == "record.transport.closing=true"
+    solved = swept.assign(closing_pressure=((*swept.Sq.dims, "axis"), np.full((*swept.Sq.shape, 2), np.inf)))
+    assert not read_off.narrower(solved, answers, closed=True)
+    listed = swept.assign_attrs(study=loads(TEXT, changes=["sweep={pressures: [0.1 MPa]}"]).to_yaml())
+    assert not read_off.narrower(listed, answers, closed=False)
+    assert not read_off.narrower(swept, read_off.ask(swept, 1e30, "pressure"), closed=False)
 
 
 # refused
