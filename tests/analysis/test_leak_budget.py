@@ -375,6 +375,23 @@ def test_a_card_of_a_file_has_levelling_and_quadrants_at_one_nominal_pressure(tm
         assert_allclose(part_of(starred.ways[0], name).factor, part_of(way, name).factor, rtol=1e-6)
 
 
+def test_a_card_without_units_has_the_budget_of_the_same_map_with_units(tmp_path: Path) -> None:
+    """L of block means is that of other nodes, so closing loads are compared as p* Sq/L."""
+    heights = random_midpoint_displacement(2.2, 5, seed=5).heights
+    np.save(tmp_path / "scan.npy", 0.4 * heights / heights.std())
+    text = TEXT.replace("D: 2.2, m: 5, seeds: 3, L: 200 um, Sq: 0.4 um", "file: scan.npy, L: 200 um")
+    plain = text.replace(" um", "").replace("10 MPa", "10.0").replace(f", {DIMENSIONAL}", "")
+    ways = []
+    for name, study in (("units", text), ("plain", plain)):
+        made = card_runs.compute(loads(study, file=tmp_path / "s.yaml"), AT, tmp_path / name, jobs=1)
+        ways.append(card_of([made], "scan", "").ways)
+    for one, other in zip(*ways, strict=True):
+        loads_of = [[coarser.value / way.closing.value for _, coarser in way.coarser] for way in (one, other)]
+        assert_allclose(*loads_of, rtol=1e-6)
+        for name in PARTS:
+            assert_allclose(part_of(one, name).factor, part_of(other, name).factor, rtol=1e-6)
+
+
 def _without_units(runs: CardRuns) -> CardRuns:
     def bare(one: Pressed) -> Pressed:
         return Pressed(one.words, one.dataset[[n for n in one.dataset.data_vars if "leak_rate" not in n]], one.level)

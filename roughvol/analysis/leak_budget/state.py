@@ -190,14 +190,15 @@ def surfaces_at_load(pressed: Pressed) -> Iterator[Loaded]:
 def comparable(runs: Sequence[Pressed], fine: Sequence[Loaded]) -> tuple[str, list[Loaded]]:
     """Return the words of another grid or levelling, and its surfaces with what makes them comparable.
 
-    Nominal pressures are equal: leaks are compared as they are, and as T* V*³ Sq³ without a unit.
+    Nominal pressures are equal: leaks are compared as they are, and as T* V*³ Sq³ without a unit. Closing loads are
+    compared as nominal pressures, p* Sq/L without a unit. Block means of a map have another L.
     """
     surfaces = [surface for pressed in runs for surface in surfaces_at_load(pressed)]
     found = []
     for other, own in zip(surfaces, fine, strict=True):
         ratio = float(other.table["Sq"][0]) / float(own.table["Sq"][0])
         of_leak = 1.0 if own.unit() else ratio**3
-        of_load = 1.0 if load_of(own.table) == "nominal_pressure" else ratio
+        of_load = ratio * own.run.L / other.run.L if load_of(own.table) == "mean_pressure" else 1.0
         found.append(replace(other, of_leak=of_leak, of_load=of_load))
     return runs[0].words, found
 
