@@ -25,12 +25,17 @@ def run_name(ds: Dataset) -> str:
     return match.group(1).strip("'\"") if match else ""
 
 
+def region_of(ds: Dataset) -> str:
+    """Return the region that a run observes, in words; empty where it is the whole surface."""
+    region = str(ds.attrs.get("region", WHOLE))
+    return "" if region == WHOLE else region
+
+
 def surfaces(ds: Dataset, drawn: Mapping[str, Sequence[float]]) -> str:
     """Return in words which surfaces are drawn: files, or D, m, L, a region that is a part, and how many of each."""
     unit = unit_of(ds, "L")
     side = f"L = {float(ds['L']):g}" + (f" {unit}" if unit != "length" else "")
-    region = ds.attrs.get("region", WHOLE)
-    side += f", region {region}" if region != WHOLE else ""
+    side += f", region {region}" if (region := region_of(ds)) else ""
     if "case" in ds.dims:
         names = [file_text(str(name)) for name in ds["case"].values.tolist()]
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""

@@ -26,6 +26,7 @@ from roughvol.report.figures import ways
 from roughvol.report.figures.cases import SHOWN_D, nearest
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import Family, curves, families, own, several, single
+from roughvol.report.figures.origin import region_of
 from roughvol.report.figures.style import GREY, LABELS, PAGE, A, Drawing, P, V, canvas, looks, plain_ticks, unit_of
 from roughvol.store.dataset import recorded_state
 
@@ -175,7 +176,7 @@ def seal_region(ds: Dataset) -> Drawing:
     At a few states. One surface: its values. Several: mean and one standard error; of T* median and band. A way that is
     closed is marked on the lower edge.
     """
-    family, whole = _nearest(ds), "region" if "region" in ds.attrs else "whole"
+    family, whole = _nearest(ds), "region" if region_of(ds) else "whole"
     names = {"contact_area_fraction_within": r"$A^{\ast}$", "mean_pressure_within": r"$p^{\ast}$"}
     names |= {"free_volume_within": r"$V^{\ast}$"}
     flow = "transmissivity_within"
