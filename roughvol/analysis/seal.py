@@ -40,6 +40,7 @@ from roughvol.analysis.legs import first_leg
 from roughvol.analysis.tables import number
 from roughvol.ensemble.multilevel import COVERAGE, half_width
 from roughvol.errors import DatasetError, StudyError
+from roughvol.observables import regions
 from roughvol.observables.variables import QUANTITIES
 from roughvol.store.dataset import Dataset
 from roughvol.study import Region, Seal, Study
@@ -98,12 +99,12 @@ def is_isotropic(scans: Sequence[Array]) -> bool:
 def is_representative(heights: Sequence[Surface]) -> bool:
     """Return whether heights have a roll-off: waves as long as the map hold little, along x and along y.
 
-    Their share of the variance, mean over the maps, is at most `LONGEST` times that of the highest octave.
+    Their share of the variance, mean over the maps, is less than `LONGEST` times that of the highest octave.
     docs/explanation/notes/seal.md has how often this is so, with a roll-off and without.
     """
     found = [octaves(surface) for surface in heights]
     mean = np.mean([shares[:, : min(shares.shape[1] for shares in found)] for shares in found], axis=0)
-    return bool(np.all(mean[:, 0] <= LONGEST * mean.max(axis=1)))
+    return bool(np.all(mean[:, 0] < LONGEST * mean.max(axis=1)))
 
 
 def conductance_of(values: Array, patches: tuple[int, int], *, isotropic: bool, draws: int = DRAWS) -> Estimate:
@@ -233,6 +234,7 @@ class Patch:
     sides: tuple[float, float]
     unit: str | None
     aspect: float
+    region: Region | None = None
 
     @classmethod
     def of(cls, study: Study | None, run: Dataset) -> Patch | None:
@@ -243,10 +245,12 @@ class Patch:
         check_alike(sizes)
         rows, columns = sizes[0]
         along_x = float(run["L"])
-        sides = (study.record.region or Region()).sides(along_x, along_x * columns / rows)
+        region = study.record.region
+        sides = (region or Region()).sides(along_x, along_x * columns / rows)
         unit = run.attrs.get("length_unit")
         study.seal.check(sides, unit)
-        return cls(study.seal, sides, unit, float(run["region_aspect"].max()) if "region_aspect" in run else 1.0)
+        aspect = float(run["region_aspect"].max()) if "region_aspect" in run else 1.0
+        return cls(study.seal, sides, unit, aspect, region)
 
     @property
     def patches(self) -> tuple[int, int]:
@@ -382,8 +386,10 @@ def leak_of(
     return found.times(patch.squares), parts, tuple(words)
 
 
-def surface_of(run: Dataset) -> Surface:
-    """Return the surface of a run with stored heights."""
+def surface_of(run: Dataset, region: Region | None) -> Surface:
+    """Return the patch of a run with stored heights: its surface, or the region of it that is observed."""
     z, periodic = run["heights"].transpose("x", "y").values, "periodic" in run.attrs
     spacing = float(run["L"]) / intervals(z.shape[0], periodic)
-    return Surface(z, spacing, sides="periodic" if periodic else "free")
+    if region is None:
+        return Surface(z, spacing, sides="periodic" if periodic else "free")
+    return Surface(z[regions.window_of(region, z.shape, periodic=periodic)], spacing)

@@ -45,7 +45,7 @@ def spectral(surface: Surface) -> Spectral:
     (rows, columns), spacing, unit = surface.shape, surface.spacing, surface.unit
     power, conjugates = _powers(surface)
     wave = np.hypot(np.fft.fftfreq(rows, spacing)[:, None], np.fft.rfftfreq(columns, spacing)[None, :])
-    ring = _rings(wave, surface).ravel()
+    ring = _rings(wave, surface.side).ravel()
     counts = np.broadcast_to(conjugates, power.shape)
     moments = [np.bincount(ring, (power * counts * (2.0 * math.pi * wave) ** order).ravel()) for order in (0, 2, 4)]
     numbers = np.bincount(ring, counts.ravel())
@@ -74,24 +74,29 @@ def spectral(surface: Surface) -> Spectral:
 def octaves(surface: Surface) -> Array:
     """Return the share of the variance of the heights in each octave of waves, along x and along y.
 
-    The octave j has the rings k = 2^j to 2^(j+1) - 1, whole octaves up to the shortest wave along an axis. Waves that
-    run more along x than along y are in the first row, the others in the second. Waves in between are in both.
+    The octave j has the rings k = 2^j to 2^(j+1) - 1, whole octaves up to the shortest wave along the axis. Waves along
+    an axis are counted by their number on the side along this axis. Waves that run more along x than along y are in the
+    first row, the others in the second. Waves in between are in both.
     """
     power, conjugates = _powers(surface)
+    shares = power * conjugates / float((power * conjugates).sum() or 1.0)
     along_x = np.abs(np.fft.fftfreq(surface.shape[0], surface.spacing))[:, None]
     along_y = np.fft.rfftfreq(surface.shape[1], surface.spacing)[None, :]
-    ring = _rings(np.hypot(along_x, along_y), surface)
-    octave = np.floor(np.log2(np.maximum(ring, 1.0))).astype(np.int64)
-    inside = (ring > 0) & (2.0 ** (octave + 2) * surface.spacing <= surface.side)
-    shares = power * conjugates / float((power * conjugates).sum() or 1.0)
-    sides = (inside & (along_x >= along_y), inside & (along_y >= along_x))
-    count = int(octave[inside].max(initial=0)) + 1
-    return np.stack([np.bincount(octave[side], shares[side], count) for side in sides])
+    wave, rows = np.hypot(along_x, along_y), []
+    for run_along, nodes in zip((along_x >= along_y, along_y >= along_x), surface.intervals, strict=True):
+        ring = _rings(wave, nodes * surface.spacing)
+        octave = np.floor(np.log2(np.maximum(ring, 1.0))).astype(np.int64)
+        inside = run_along & (ring > 0) & (2.0 ** (octave + 2) <= nodes)
+        rows.append(np.bincount(octave[inside], shares[inside]))
+    found = np.zeros((2, max(1, *map(len, rows))))
+    for row, of_axis in zip(found, rows, strict=True):
+        row[: len(of_axis)] = of_axis
+    return found
 
 
-def _rings(wave: Array, surface: Surface) -> Index:
+def _rings(wave: Array, side: float) -> Index:
     """Return the ring k of each wave, k - ½ ≤ q L/(2π) < k + ½; halves are waves of a period of two sides."""
-    ring: Index = np.floor(wave * surface.side + 0.5 + ROUNDING).astype(np.intp)
+    ring: Index = np.floor(wave * side + 0.5 + ROUNDING).astype(np.intp)
     return ring
 
 

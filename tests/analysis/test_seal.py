@@ -22,7 +22,8 @@ from roughvol.questions import Cards
 from roughvol.report import card_page, card_text, screen
 from roughvol.report.figures.creep import drawing_of
 from roughvol.report.figures.leak_card import panels
-from roughvol.study import loads, parse
+from roughvol.store.dataset import Dataset
+from roughvol.study import Region, loads, parse
 from roughvol.surfaces import Spectrum, Surface, power_law_surface, random_midpoint_displacement
 from roughvol.typing import Array
 from tests.kit import answered, ran, said
@@ -150,6 +151,16 @@ def test_a_roll_off_is_found_where_there_is_one() -> None:
     assert not any(seal.is_representative(fractal[k : k + 3]) for k in (0, 3, 6))
     grooves = [window(Spectrum(rolloff=8.0, cut=64.0, anisotropy=4.0), seed) for seed in range(9)]
     assert not any(seal.is_representative(grooves[k : k + 3]) for k in (0, 3, 6))  # long waves along one axis
+
+
+def test_a_strip_or_a_region_of_few_waves_is_not_representative() -> None:
+    z = power_law_surface(Spectrum(rolloff=8.0, cut=32.0), 0.8, 128, seed=0).heights
+    strip = z[:, :17]  # a wave along y
+    assert seal.is_representative([Surface(z, 1.0)])
+    assert not any(seal.is_representative([Surface(part, 1.0)]) for part in (strip, strip.T))
+    run = Dataset({"heights": (("x", "y"), z)}, coords={"L": 128.0})
+    assert seal.is_representative([seal.surface_of(run, None)])
+    assert not seal.is_representative([seal.surface_of(run, Region(x=(0.4, 0.6), y=(0.4, 0.6)))])
 
 
 # a known seal

@@ -124,7 +124,7 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     maps = patch.conductances(leaks, in_units=units)
     quadrants = patch.conductances(_of_quadrants(fine[0]), in_units=units) if len(fine) == 1 else None
     shared = [part for part in flow.parts if part.name != "window"] if flow.leak.value > 0.0 else []
-    representative = seal.is_representative([seal.surface_of(surface.fields) for surface in fine])
+    representative = seal.is_representative([seal.surface_of(surface.fields, patch.region) for surface in fine])
     closing, of_load = _closing_of_seal(fine, patch, flow, isotropic=isotropic, representative=representative)
     leak, parts, words = seal.leak_of(
         patch, maps, quadrants, isotropic=isotropic, representative=representative, shared=shared
