@@ -189,9 +189,7 @@ def test_coarser_grids_of_a_spectrum_hold_the_low_waves_of_its_surface(amplitude
         low = np.fft.ifft2(np.where(waves < len(heights) / 2, np.fft.fft2(whole), 0.0)).real
         every = 128 // len(heights)
         held = low[::every, ::every]
-        amplitude_kept = np.vdot(heights, held) / np.vdot(held, held)
-        assert heights == pytest.approx(amplitude_kept * held, abs=1e-9 * whole.std())
-        assert amplitude_kept == pytest.approx(1.0, abs=0.08)  # without: 1.13 of a given Sq, 1.54 of a slope
+        assert heights == pytest.approx(held, abs=1e-9 * whole.std())
 
 
 def test_a_plane_is_called_flat_and_has_no_card() -> None:

@@ -20,7 +20,7 @@ from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.store.run_folder import slug
 from roughvol.study import HeightFile, Level, Quantity, Region, Seal, SpectralSurface, Study, read, refused
 from roughvol.study.values.units import text_of, unit_of
-from roughvol.surfaces.spectrum import moment
+from roughvol.surfaces.waves import share_below
 
 FINE = "finest grid"
 COARSER = {2: "twice the spacing", 4: "four times the spacing"}
@@ -167,14 +167,18 @@ def _coarser(study: Study, factor: int) -> dict[str, Any] | None:
 
 
 def _held(surface: SpectralSurface, n: int) -> dict[str, Any] | None:
-    """Return the keys of the waves that a grid can hold, with their amplitudes; None of a plateau alone."""
+    """Return the keys of the waves that a grid can hold; None of a plateau alone.
+
+    The waves have their amplitudes, in the root mean square over the seeds.
+    """
     whole, hurst = surface.spectrum, 3.0 - surface.dimensions[0]
-    held = replace(whole, cut=min(whole.cut, n / 2.0))
-    if held.cut <= held.rolloff:
+    cut = min(whole.cut, n / 2.0)
+    if cut <= whole.rolloff:
         return None
-    name, order = ("Sq", 0) if whole.slope is None else ("slope", 2)
-    share = moment(held, hurst, order) / moment(whole, hurst, order)
-    return {"n": n, "cut": held.cut, "shortest": None, name: getattr(whole, name) * math.sqrt(share)}
+    shares = [share_below(whole, hurst, seed, cut) for seed in surface.seeds]
+    share = math.sqrt(sum(share * share for share in shares) / len(shares))
+    name = "Sq" if whole.slope is None else "slope"
+    return {"n": n, "cut": cut, "shortest": None, name: getattr(whole, name) * share}
 
 
 def _at_equal_pressure(study: Study, levels: Sequence[Level], keys: Mapping[str, Any], words: str) -> Planned:

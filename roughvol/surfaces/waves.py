@@ -113,6 +113,15 @@ def gaussian_waves(spectrum: Spectrum, hurst: float, seed: int) -> Waves:
     return waves * (law / math.sqrt(2.0))
 
 
+def share_below(spectrum: Spectrum, hurst: float, seed: int, cut: float) -> float:
+    """Return the share of Sq, or of the slope where it is given, that the waves of k_e < ``cut`` of a field have."""
+    waves = gaussian_waves(spectrum, hurst, seed)  # a translation keeps their amplitudes
+    i, j = _indices(waves.shape[1] - 1)
+    power = np.abs(waves) ** 2 * (1.0 if spectrum.slope is None else i * i + j * j)
+    low = np.where(np.hypot(spectrum.anisotropy * i, j) < cut, power, 0.0)
+    return math.sqrt(_total(low) / _total(power))
+
+
 def skewed(waves: Waves, spectrum: Spectrum) -> Waves:
     """Return the waves of a field with the skewness of a spectrum and the amplitudes of the given one.
 
