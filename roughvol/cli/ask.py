@@ -103,8 +103,10 @@ def beyond(run: StoredRun, *, has_errors: bool, offered: bool) -> Iterator[str]:
     ``offered`` is whether a card has these errors.
     """
     from roughvol.analysis import read_off
+    from roughvol.store.variants import of_one_combination
 
-    yield from filter(None, (read_off.files_words(run.dataset), read_off.seal_words(run.dataset)))
+    results = of_one_combination(run.dataset)
+    yield from filter(None, (read_off.files_words(results), read_off.seal_words(results)))
     if not has_errors:
         card = f"; with them: --budget, or roughvol card {run.call}" if offered else "."
         yield f"Errors of the grid and of the window are not in these numbers{card}"

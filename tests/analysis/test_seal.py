@@ -387,6 +387,13 @@ def test_read_offs_and_creep_are_those_of_the_seal(here: Path) -> None:
     assert wider["answers"][0]["value"] == pytest.approx(whole.value, rel=0.02)
 
 
+def test_a_read_off_names_the_patches_of_its_region(here: Path) -> None:
+    ran("joint", COARSE.replace("record:", "record:\n  region: [none, interior]"))
+    for region, patches in (("none", "4 × 240"), ("interior", "8 × 480")):
+        text = said("ask", "joint", "--leak-rate", "1e-6 mm^3/s", "--set", f"record.region={region}")
+        assert f"along x, {patches} patches" in text
+
+
 def test_a_seal_is_read_off_from_the_load_that_all_surfaces_have(here: Path) -> None:
     """Also below the steps of the longest sweep. The figure and the table of creep are those of a seal."""
     ran("joint", COARSE.replace("steps: 8", "steps: 5"))
