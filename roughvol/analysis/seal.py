@@ -275,8 +275,12 @@ class Patch:
 
 
 def ratios(surface: Dataset) -> Array:
-    """Return the transmissivities of a surface along x and y at the steps of its first leg, shape (steps, 2)."""
-    name = next((name for name in ("transmissivity", "transmissivity_dry") if name in surface), "")
+    """Return the transmissivities of a surface along x and y at the steps of its first leg, shape (steps, 2).
+
+    Those of a gas where no liquid flows.
+    """
+    names = ("transmissivity", "transmissivity_dry", "gas_transmissivity", "gas_transmissivity_dry")
+    name = next((name for name in names if name in surface), "")
     if not name:
         return np.empty((0, 2))
     return np.asarray(first_leg(surface)[name].transpose(..., "axis").values, dtype=float).reshape(-1, 2)

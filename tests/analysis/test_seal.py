@@ -288,6 +288,18 @@ def test_a_card_has_the_leak_of_a_gas_through_its_seal(tmp_path: Path) -> None:
     assert re.search(rf": {of_seal.gas_leak:.3g} mbar l/s, the median of as many sheets", throughput)
 
 
+def test_a_seal_of_a_gas_alone_turns_its_patches_as_beside_a_liquid(tmp_path: Path) -> None:
+    text = COARSE.replace("every-step}", "every-step, gas_flow: every-step}").replace(
+        "mPa*s}}", "mPa*s}, gas_leak_rate: mbar*l/s}"
+    )
+    text = text.replace("steps: 8, to: percolation", "pressures: [0.01 MPa, 0.05 MPa]")
+    both = roughvol.run(loads(f"{text}fluid: {{gas: air, inlet: 2 bar, outlet: 1 bar}}\n"), jobs=1, out=tmp_path)
+    assert seal.is_isotropic([seal.ratios(both.isel(seed=[k])) for k in range(3)])
+    of_gas = both.drop_vars([name for name in both if str(name).startswith(("transmissivity", "leak_rate"))])
+    leaks = [screen.records(Run.of("joint", ds), [parse(AT)]).frame()["seal_gas_leak_rate"] for ds in (both, of_gas)]
+    assert_allclose(*leaks, rtol=1e-12)
+
+
 def test_a_seal_of_a_gas_alone_leaks_the_gas_in_its_unit_and_names_the_leg_that_closes_it(tmp_path: Path) -> None:
     text = COARSE.replace("seeds: 3", "seeds: 1").replace("every-step}", "every-step, gas_flow: every-step}")
     text = text.replace("leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s}", "gas_leak_rate: sccm")
