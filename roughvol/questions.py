@@ -74,7 +74,7 @@ def opened(run: Dataset | StoredRun | str | Path | None, changes: Changes = ()) 
     return StoredRun(Path(f"{name}.nc"), Run.of(name, whole(run)).dataset)
 
 
-def _each_opened(runs: Iterable[Dataset | str | Path], changes: Changes) -> list[StoredRun]:
+def _each_opened(runs: Iterable[Dataset | StoredRun | str | Path], changes: Changes) -> list[StoredRun]:
     """Return several runs."""
     from roughvol.study import check_type
 
@@ -568,12 +568,12 @@ def show(run: Dataset | StoredRun | str | Path | None = None, at: Loads = (), *,
     return screen.records(Run.of(found.name, found.dataset), levels(at))
 
 
-def compare(runs: Sequence[Dataset | str | Path], at: Loads = (), *, changes: Changes = ()) -> Compared:
+def compare(runs: Sequence[Dataset | StoredRun | str | Path], at: Loads = (), *, changes: Changes = ()) -> Compared:
     """Return the numbers of several runs at equal loads: `roughvol compare`.
 
     Parameters
     ----------
-    runs : sequence of Dataset, path or name
+    runs : sequence of Dataset, StoredRun, path or name
         Two runs or more; a run with lists counts as its combinations.
     at : str or mapping, or sequence of them
         Loads, as ``"pressure=0.5 MPa"`` or ``{"pressure": "0.5 MPa"}``. Default: pressures that all runs reach.

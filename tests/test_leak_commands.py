@@ -62,6 +62,23 @@ def test_a_stored_sweep_answers_with_a_pressure() -> None:
         assert "the pressure is asked for; the load pressure=1 kPa belongs to: for modulus or Sq" in told
 
 
+def test_the_limits_that_a_run_exceeds_are_said_beside_its_leaks() -> None:
+    """The leak is that of the dry gap, and a fluid of this pressure opens the joint."""
+    ran("pushed", STUDY.replace("5 mbar", "5 bar"))
+    limits = dataset.read(Path("runs/pushed/study.nc")).attrs["warnings"].splitlines()
+    assert any("opens the joint" in line for line in limits)
+    Path("creep.yaml").write_text("power: {exponent: 0.1, time: 1 s}", encoding="utf-8")
+    for words in (
+        ("show", "pushed", "--at", "last"),
+        ("show", "pushed", "--csv"),
+        ("ask", "pushed", "--leak-rate", "1e-6 mm^3/s"),
+        ("creep", "pushed", *CREEP, "pressure=0.01MPa", "--times", "1 s", "--json"),
+    ):
+        assert call(*words).stderr.splitlines() == [f"warning: {line}" for line in limits]
+    compared = call("compare", "pushed", "pushed", "--at", "last")
+    assert compared.stderr.splitlines() == [f"warning: pushed: {line}" for line in limits]
+
+
 @pytest.mark.usefixtures("scan")
 def test_the_interval_with_a_budget_is_that_of_the_card_at_the_answer() -> None:
     """At the ends of the interval the stored leak is the value times, or over, the factors of the card."""

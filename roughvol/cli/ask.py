@@ -10,7 +10,7 @@ import click
 
 import roughvol
 from roughvol.cli.options import BUDGET, JOBS, JSON, RUN, SET, at, command
-from roughvol.cli.output import say, say_json
+from roughvol.cli.output import say, say_json, warn_of
 
 if TYPE_CHECKING:
     from roughvol.analysis.read_off import Answer
@@ -71,6 +71,7 @@ def ask(
     from roughvol.analysis.read_off import is_throughput
 
     found = roughvol.ask(run, leak_rate=leak_rate, unknown=unknown, at=state, budget=budget, jobs=jobs, changes=changes)
+    warn_of(found.run.dataset)
     if as_json:
         say_json(found.plain())
         return

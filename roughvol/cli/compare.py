@@ -6,7 +6,7 @@ import click
 
 import roughvol
 from roughvol.cli.options import CSV, JSON, SET, at, command, completed_runs
-from roughvol.cli.output import say_numbers, say_table, warn
+from roughvol.cli.output import say_numbers, say_table, warn, warn_of
 from roughvol.cli.show import check_one_form
 
 
@@ -29,7 +29,11 @@ def compare(
     the first run. The rule between steps is that of `roughvol show`.
     """
     check_one_form(as_csv=as_csv, as_json=as_json)
-    found = roughvol.compare(run, states, changes=changes)
+    from roughvol.questions import opened
+
+    runs = [opened(one, changes) for one in run]
+    found = roughvol.compare(runs, states)
+    warn_of(*(one.dataset for one in runs), named=[one.name for one in runs])
     if as_csv or as_json:
         warn(found.left_out)
         say_numbers("compare", *found.records(), as_csv=as_csv)

@@ -9,7 +9,7 @@ import click
 import roughvol
 from roughvol.cli.ask import beyond, titled
 from roughvol.cli.options import BUDGET, JOBS, JSON, RUN, SET, at, command, out
-from roughvol.cli.output import say, say_json, say_table, warn
+from roughvol.cli.output import say, say_json, say_table, warn, warn_of
 
 
 @command(
@@ -62,6 +62,7 @@ def creep(
         raise click.UsageError("needs its constant load, as --at pressure=0.1MPa")
     found = opened(run, changes)
     history = roughvol.creep(found, law, at=state, times=times, budget=budget, jobs=jobs)
+    warn_of(found.dataset)
     if as_json:
         say_json({"run": found.name, "leg": 1} | history.plain())
         return

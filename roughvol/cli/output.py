@@ -24,6 +24,7 @@ from roughvol.store import stamped_file
 if TYPE_CHECKING:
     from roughvol.analysis.stored_run import Run
     from roughvol.analysis.tables import Table
+    from roughvol.store.dataset import Dataset
 
 
 _standard: list[TextIO] = []  # standard output, while a command has it alone
@@ -62,6 +63,12 @@ def warn(sentences: Iterable[str]) -> None:
     """Print each sentence once as a warning."""
     for sentence in dict.fromkeys(sentences):
         say(f"warning: {sentence}", err=True)
+
+
+def warn_of(*runs: Dataset, named: Sequence[str] = ("",)) -> None:
+    """Print the limits of the model that the states of runs exceed, behind the names of several runs."""
+    lines = zip(named, (str(run.attrs.get("warnings", "")).splitlines() for run in runs), strict=True)
+    warn(": ".join(filter(None, (name, line))) for name, each in lines for line in each)
 
 
 def is_seen() -> bool:

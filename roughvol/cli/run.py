@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from roughvol.cli.options import FRESH, JOBS, JSON, SET, STUDY, command, completed_figures, given, out
-from roughvol.cli.output import count, is_seen, say, say_json, say_parts, warn
+from roughvol.cli.output import count, is_seen, say, say_json, say_parts, warn_of
 from roughvol.errors import CampaignError
 from roughvol.study.values.durations import duration
 
@@ -97,7 +97,7 @@ def run(
     if "step" in results.sizes:
         say_parts(named, screen.summary)
     say("\n".join([*_summary(variants.counted_once(results, loaded), folder / "study.nc"), str(folder / "study.nc")]))
-    warn(results.attrs["warnings"].splitlines())
+    warn_of(results)
 
 
 def _say_how_to_stop() -> None:

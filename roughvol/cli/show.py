@@ -6,7 +6,7 @@ import click
 
 import roughvol
 from roughvol.cli.options import CSV, JSON, RUN, SET, at, command
-from roughvol.cli.output import say, say_numbers, say_parts, say_table, warn
+from roughvol.cli.output import say, say_numbers, say_parts, say_table, warn, warn_of
 
 
 @command(
@@ -33,6 +33,7 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool, 
     from roughvol.study import levels
 
     found = opened(run, changes)
+    warn_of(found.dataset)
     if as_csv or as_json:
         say_numbers(found.name, *roughvol.show(found, states), as_csv=as_csv)
         return
