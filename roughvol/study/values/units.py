@@ -35,6 +35,7 @@ KINDS = {
     "volume per area": UnitKind("[length]", "mm^3/m^2, ml/m^2, um and the like"),
     "pressure": UnitKind("[mass]/[length]/[time]^2", "Pa, kPa, MPa, GPa, bar, mbar, psi and the like", "100 GPa"),
     "viscosity": UnitKind("[mass]/[length]/[time]", "Pa*s, mPa*s, cP and the like", "1 mPa*s"),
+    "kinematic viscosity": UnitKind("[length]^2/[time]", "cSt, mm^2/s and the like"),
     "force": UnitKind("[mass]*[length]/[time]^2", "N, kN, mN, lbf and the like", "20 N"),
     "time": UnitKind("[time]", "s, min, h, day, year", "10 s"),
     "conductivity": UnitKind("[mass]*[length]/[time]^3/[temperature]", "W/m/K", "50 W/m/K"),
@@ -61,6 +62,8 @@ _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?![eE][-+]
 # Words, small powers, products and quotients. Other arithmetic of pint is refused.
 _POWER = r"(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³⁴-⁹])?"
 _UNIT = re.compile(rf"°?[^\W\d_]{{1,30}}{_POWER}(?:(?: ?[*·/] ?|[. ])[^\W\d_]{{1,30}}{_POWER}){{0,5}}")
+_MARK = re.compile(r"[,_'’]\d")  # behind digits: a decimal comma, or a mark between thousands
+_PLAIN_POWER = re.compile(r"(?<=[^\W\d_])(?=[1-9])")  # as in mm2
 _DOT = re.compile(r"\.(?=[^\W\d])")  # between units, a product
 _STANDARD = re.compile(r"(?:sccm|sccs|standard_liter_per_minute)\b")  # pint's full names, behind a prefix
 ROUNDING = 1e-12  # relative, of two numbers in different units
@@ -252,12 +255,13 @@ class In(Form):
         if match is None:
             plain = "" if self.needed else "a number, or "
             refuse(f"must be {plain}a number with a unit of {self.kind}, as in {KINDS[self.kind].example}")
+        unit = _checked(match[2], self.kind)
         try:
             number = inner(float(match[1]))
         except ValidationError as error:  # of the number; the message has it with its unit
             wrong = [InitErrorDetails(type=e["type"], input=value, ctx=e.get("ctx", {})) for e in error.errors()]
             raise ValidationError.from_exception_data(error.title, wrong) from error
-        return Quantity(number, _checked(match[2], self.kind))
+        return Quantity(number, unit)
 
 
 def text_of(value: Any) -> Any:
@@ -300,13 +304,23 @@ def _checked(unit: str, kind: str) -> str:
     dimension, allowed, _ = KINDS[kind]
     found = _dimension(unit)
     if found is None:
-        refuse(f"'{printable(unit)[:40]}' is no known unit; allowed for a {kind}: {allowed}")
+        refuse(f"'{printable(unit)[:40]}' is no known unit{_hint(unit, kind)}; allowed for a {kind}: {allowed}")
     if found != dimension:
         other = next((name for name, row in KINDS.items() if row.dimension == found), "another quantity")
         refuse(f"'{unit}' is a unit of {other}, not of {kind}; allowed: {allowed}")
     if kind == "length":
         refuse(f"'{unit}' is no unit of length of a study; allowed: {allowed}")
     return unit
+
+
+def _hint(unit: str, kind: str) -> str:
+    """Return what was meant by an unknown unit, empty if that is not known."""
+    if _MARK.match(unit):
+        return "; a number has a point and no other mark, as 1000.5"
+    powers = _PLAIN_POWER.sub("^", unit)
+    meant = [powers] if _dimension(powers) == KINDS[kind].dimension else []
+    meant += [one for one in _listed(kind) if one.lower() == unit.lower()]
+    return f"; did you mean '{meant[0]}'?" if meant else ""
 
 
 def _listed(kind: str) -> list[str]:
