@@ -261,7 +261,11 @@ def _is_map(path: Path) -> bool:
 
 def _placed(problem: Problem, source: Path, folder: Path) -> Problem:
     """Return a problem of the study of a run with the path of its study.yaml."""
-    return replace(problem, file=str(folder / "study.yaml")) if problem.file == str(source) else problem
+    if problem.file != str(source):
+        return problem
+    absent = problem.key.startswith("surface.") and problem.message.startswith("no such file")
+    where = "; a run has the names of its height files alone: call in their folder, or give the study file"
+    return replace(problem, file=str(folder / "study.yaml"), message=problem.message + where * absent)
 
 
 def _beside_heights(text: str, folder: Path) -> Path:

@@ -358,7 +358,9 @@ def test_commands_in_messages_have_paths_as_words_of_a_shell(place: Path) -> Non
 
 def test_a_problem_of_a_stored_study_is_placed_in_its_file(place: Path) -> None:
     Path("heights.txt").rename("moved.txt")
-    assert "runs/scan/study.yaml:2: surface.file: no such file" in refused("check", "scan")
+    told = refused("check", "scan")
+    assert "runs/scan/study.yaml:2: surface.file: no such file" in told
+    assert "a run has the names of its height files alone: call in their folder, or give the study file" in told
     Path("runs/tiny/study.yaml").write_text("name: [\n", encoding="utf-8")
     assert "runs/tiny/study.yaml:2: not YAML" in refused("status", "tiny")
 
