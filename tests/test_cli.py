@@ -13,6 +13,7 @@ from click.testing import CliRunner
 
 import roughvol
 from roughvol.cli import main
+from roughvol.errors import FolderError
 from roughvol.store import dataset
 from tests.campaign.kit import values_of
 from tests.kit import LEAKING, call, python, ran, refused, said
@@ -223,6 +224,17 @@ def test_bad_study_is_refused_in_words(here: Path, text: str, expected: list[str
     assert all(part in done.stderr for part in expected), done.stderr
     assert done.stdout == ""
     assert [path.name for path in here.iterdir()] == ["bad.yaml"]
+
+
+def test_an_empty_folder_is_refused_and_nothing_is_written(here: Path) -> None:
+    """It is that of a variable of the shell without a value; the current folder is a dot."""
+    text = "surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 1}"
+    Path("s.yaml").write_text(text)
+    for command in (("run", "s.yaml"), ("card", "s.yaml"), ("check", "s.yaml", "--look")):
+        assert "--out': must be a folder" in refused(*command, "--out", "")
+    with pytest.raises(FolderError, match="given an empty text"):
+        roughvol.run("s.yaml", out="", jobs=1)
+    assert [path.name for path in here.iterdir()] == ["s.yaml"]
 
 
 def test_bad_heights_are_refused_and_nothing_is_written(here: Path) -> None:

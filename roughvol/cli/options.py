@@ -123,4 +123,12 @@ def at(*, several: bool, default: str | None = None) -> Callable[[Decorated], De
 
 def out(default: str) -> Callable[[Decorated], Decorated]:
     """Return the option of the folder that a command writes into."""
-    return click.option("--out", type=click.Path(path_type=Path), help=f"Folder to write into [default: {default}].")
+    words = f"Folder to write into [default: {default}]."
+    return click.option("--out", type=click.Path(), callback=_folder, help=words)
+
+
+def _folder(_: click.Context, __: click.Parameter, text: str | None) -> Path | None:
+    """Return a folder; refuse an empty text, as of a variable of the shell that is not set."""
+    if text == "":
+        raise click.BadParameter("must be a folder, as . or runs/other, given an empty text")
+    return None if text is None else Path(text)

@@ -48,6 +48,8 @@ def folder_of(study: Study, out: str | Path | None = None) -> Path:
         The folder, which may not exist yet.
     """
     check_type(out, (str, os.PathLike, type(None)), "the folder of the results is a path", FolderError)
+    if out == "":  # of a Path, the current folder
+        raise FolderError("the folder of the results is a path, given an empty text")
     return Path("runs") / study.name if out is None else Path(out)
 
 
