@@ -95,7 +95,9 @@ def check_pressed(ds: Dataset, name: str) -> None:
 
 
 def lacks_states(ds: Dataset) -> str:
-    """Return why a dataset has no states: of a study with ``steps: 0``, or a choice of variables of a run."""
+    """Return why a dataset has no states: of a study with ``steps: 0``, or a choice of the numbers of a run."""
+    if P in ds:
+        return "has no dimension step, as numbers at a load; allowed: the states of a run"
     return f"has no {P}; allowed: all variables of a run" if "step" in ds.sizes else "has no state: nothing was pressed"
 
 

@@ -58,7 +58,8 @@ def _foreign(dataset: Dataset, study: Study) -> str:
         return ""
     named = {"D": study.surface.dimensions, "m": study.surface.m, "seed": study.surface.seeds}
     labels = ((key, label) for key in named if key in dataset.coords for label in np.ravel(dataset[key]).tolist())
-    return next((f"{key} = {label:g}" for key, label in labels if not np.isin(label, named[key])), "")
+    strange = ((key, label) for key, label in labels if label not in named[key])
+    return next((f"{key} = {label if isinstance(label, str) else f'{label:g}'}" for key, label in strange), "")
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,7 +52,7 @@ def joined(
 
 def chosen(results: Dataset) -> list[str]:
     """Return the lists and the dimensions of surfaces of which a dataset has one label, and no dimension."""
-    return [name for name in SURFACES if name in results.coords and name not in results.dims]
+    return [name for name in SURFACES if name in results.coords and not results[name].dims]
 
 
 def recorded(results: Dataset) -> list[str]:
@@ -101,9 +101,14 @@ def whole(results: Dataset) -> Dataset:
             raise DatasetError(f"the dataset has {name} {label} alone; allowed: {kept}")
     full = widened(results)
     if "mean_pressure" in full and "step" in full.dims:
-        surfaces = next((full.sizes[name] for name in ("case", "seed") if name in full.dims), 0)
+        if "Sq" in full and "step" in full["Sq"].dims:
+            raise DatasetError("the dataset has Sq along step, as after ds.where; allowed: the dimensions of a run")
+        surface = next((name for name in ("case", "seed") if name in full.dims), None)
+        if surface is None:
+            first = "; a mean over surfaces is that of their numbers at a load: ds.roughvol.at(LOAD).roughvol.mean()"
+            raise DatasetError(f"the dataset has no dimension seed or case; allowed: the dimensions of a run{first}")
         needed = ("Sq",) if "case" in full.dims else ("D", "m", "Sq")
-        lacks = next((name for name in needed if name not in full), "") if surfaces else "surface"
+        lacks = next((name for name in needed if name not in full), "") if full.sizes[surface] else "surface"
         if lacks:
             raise DatasetError(f"the dataset has no {lacks}; allowed: surfaces with their labels and variables")
     return full

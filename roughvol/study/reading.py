@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from roughvol.typing import Changes
 
 NO_FILES = ("<string>", "<stdin>")
+A_STUDY = "a study is a file, a mapping or a Study"
 RESULTS, RUNS = (".nc",), (".", "runs")  # suffix of results, and folders of runs
 STUDY = Arguments("run", {"": "study"})
 
@@ -130,6 +131,8 @@ def of_data(data: Mapping[str, Any], arguments: Arguments = STUDY, changes: Sequ
     StudyError
         With all problems of the data.
     """
+    if hasattr(data, "attrs"):  # a dataset is a mapping with attributes
+        check_type(data, Study, A_STUDY, refused)
     problems: dict[KeyPath, str] = {}
     try:
         text = write(plain(data, problems))
@@ -154,7 +157,7 @@ def changed(study: Study, changes: Sequence[str]) -> Study:
     Study
         The changed study.
     """
-    check_type(study, Study, "a study is a file, a mapping or a Study", refused)
+    check_type(study, Study, A_STUDY, refused)
     values = {key_text(keys): value for keys, value in map(_key_and_value, changes)}
     return study.changed(**values) if values else study
 

@@ -135,6 +135,13 @@ def test_a_question_on_one_step_or_one_axis_is_refused(swept: Dataset) -> None:
                 ask(chosen)
 
 
+def test_numbers_at_a_load_are_no_states(swept: Dataset) -> None:
+    at_load = swept.roughvol.at("last")
+    for question in (roughvol.show, lambda ds: roughvol.plot(ds, "v_of_p"), lambda ds: ds.roughvol.at("last")):
+        with pytest.raises(DatasetError, match="has no dimension step, as numbers at a load; allowed: the states"):
+            question(at_load)
+
+
 def test_what_follows_from_a_step_or_a_part_of_the_variables_is_derived() -> None:
     heights = np.random.Generator(np.random.PCG64(5)).normal(size=(9, 9))
     legs = [{"steps": 2, "to": {"contact_area": 0.4}}, {"steps": 2, "to": {"contact_area": 0.1}}]
@@ -149,7 +156,11 @@ def test_what_follows_from_a_step_or_a_part_of_the_variables_is_derived() -> Non
     ("choose", "word"),
     [
         (lambda ds: ds.sel(E=20.0, drop=True), "lost its label of E"),
-        (lambda ds: ds.isel(seed=0, drop=True), "has no surface"),
+        (lambda ds: ds.isel(seed=0, drop=True), "has no dimension seed or case"),
+        (lambda ds: ds.mean("seed"), r"ds\.roughvol\.at\(LOAD\)\.roughvol\.mean"),
+        (lambda ds: ds.stack(surface=("D", "m", "seed")), "has no dimension seed or case"),
+        (lambda ds: ds.where(ds["mean_pressure"] > 0.1), "has Sq along step"),
+        (lambda ds: ds.assign_coords(seed=[f"face {k}" for k in range(ds.sizes["seed"])]), "has seed = face 0"),
         (lambda ds: ds.isel(seed=[]), "has no surface"),
         (lambda ds: ds.isel(D=0, drop=True), "has no D;"),
         (lambda ds: ds.isel(step=[]), "has no step;"),
@@ -161,7 +172,7 @@ def test_what_follows_from_a_step_or_a_part_of_the_variables_is_derived() -> Non
         ),
         (lambda ds: xr.concat([ds, ds], pd.Index(["a", "b"], name="run")), "has a dimension run, which its study"),
     ],
-    ids=["list", "seed", "none", "D", "step", "variable", "labels", "seeds", "runs"],
+    ids=["list", "seed", "mean", "stack", "where", "names", "none", "D", "step", "variable", "labels", "seeds", "runs"],
 )
 def test_a_choice_without_what_a_question_needs_is_refused(
     swept: Dataset, choose: Callable[[Dataset], Dataset], word: str

@@ -26,7 +26,7 @@ from matplotlib.lines import Line2D
 from xarray import Dataset
 
 from roughvol.analysis import average
-from roughvol.analysis.derived import derived
+from roughvol.analysis.derived import P, derived, is_pressed, lacks_states
 from roughvol.analysis.leak import LIFTED, fluid_of, gas_of, is_lifted
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.units import in_units
@@ -106,6 +106,8 @@ def parts(stored: Sequence[tuple[str, Dataset]]) -> list[Named]:
 def missing(name: str, runs: Sequence[Named]) -> str | None:
     """Return why a figure cannot be drawn from runs, None if it can."""
     for run in runs:
+        if P in run.dataset and not is_pressed(run.dataset):
+            return f"{run.name}: {name} needs states, and the dataset {lacks_states(run.dataset)}"
         for key in name.rsplit("_of_", 1):
             several = VARIABLES_OF.get(key, [key])
             held = [variable for variable in several if variable in run.ready]
