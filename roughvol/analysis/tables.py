@@ -54,7 +54,12 @@ def number(value: float, digits: int = 4) -> str:
         return "–"
     text = f"{value:.{digits}g}"
     plain = f"{float(text):g}" if 1.0 <= abs(value) < 1e4 else text
-    return plain.replace("e-0", "e-").replace("e+0", "e")
+    return _short_power(plain)
+
+
+def _short_power(text: str) -> str:
+    """Return a number in text with its power of ten without a plus and without leading zeros, as 2.2e-5 and 9.3e12."""
+    return re.sub(r"e\+?(-?)0*", r"e\1", text)
 
 
 def range_text(counts: Sequence[int]) -> str:
@@ -71,6 +76,6 @@ def rounded(value: float, low: float, high: float) -> str:
     size = math.floor(math.log10(abs(value)))
     digits = min(max(size - math.floor(math.log10(half)) + 1, 2), 6)
     if not SMALLEST <= abs(value) < LARGEST:
-        return f"{value:.{digits - 1}e}".replace("e-0", "e-").replace("e+0", "e")
+        return _short_power(f"{value:.{digits - 1}e}")
     decimals = digits - 1 - size
     return f"{round(value, decimals):.{max(decimals, 0)}f}"

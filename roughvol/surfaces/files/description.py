@@ -121,7 +121,10 @@ def map_shape(path: Path, shape: tuple[int, ...]) -> tuple[int, int]:
     A small compressed file may hold any number of zeros.
     """
     if len(shape) != 2 or min(shape) < FEWEST:
-        raise SurfaceError(f"{path}: heights have shape {shape}; allowed: two dimensions of at least 3 nodes each")
+        profile = "; a profile is no map" if max(shape, default=0) >= FEWEST else ""
+        raise SurfaceError(
+            f"{path}: heights have shape {shape}; allowed: two dimensions of at least 3 nodes each{profile}"
+        )
     if math.prod(map(int, shape)) > MAX_NODES:
         raise DatasetError(f"{path}: the array has shape {shape}; allowed: at most {MAX_NODES} nodes")
     return int(shape[0]), int(shape[1])
