@@ -62,8 +62,9 @@ def test_a_stored_sweep_answers_with_a_pressure() -> None:
         assert "the pressure is asked for; the load pressure=1 kPa belongs to: for modulus or Sq" in told
 
 
-def test_the_limits_that_a_run_exceeds_are_said_beside_its_leaks() -> None:
+def test_the_limits_that_a_run_exceeds_are_said_beside_its_leaks(monkeypatch: pytest.MonkeyPatch) -> None:
     """The leak is that of the dry gap, and a fluid of this pressure opens the joint."""
+    monkeypatch.setattr(card_runs, "FEWEST_NODES", 16)
     ran("pushed", STUDY.replace("5 mbar", "5 bar"))
     limits = dataset.read(Path("runs/pushed/study.nc")).attrs["warnings"].splitlines()
     assert any("opens the joint" in line for line in limits)
@@ -75,6 +76,8 @@ def test_the_limits_that_a_run_exceeds_are_said_beside_its_leaks() -> None:
         ("creep", "pushed", *CREEP, "pressure=0.01MPa", "--times", "1 s", "--json"),
     ):
         assert call(*words).stderr.splitlines() == [f"warning: {line}" for line in limits]
+    for words in (("--json",), ("--at", "p=0.1", "--at", "p=0.2")):
+        assert "opens the joint" in call("card", "pushed", "--jobs", 1, *words).stderr
     compared = call("compare", "pushed", "pushed", "--at", "last")
     assert compared.stderr.splitlines() == [f"warning: pushed: {line}" for line in limits]
 

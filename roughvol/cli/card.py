@@ -6,7 +6,7 @@ from pathlib import Path
 
 import roughvol
 from roughvol.cli.options import FRESH, JOBS, JSON, SET, STUDY, at, command, given, out
-from roughvol.cli.output import say, say_json, say_table
+from roughvol.cli.output import say, say_json, say_table, warn_of
 
 
 @command(
@@ -45,6 +45,10 @@ def card(
     found = roughvol.card(given(study, changes), states, out=out, jobs=jobs, fresh=fresh, changes=changes)
     if found.notice:
         say(found.notice, err=True)
+    if as_json or len(found.runs) > 1:  # one card alone has its limits below
+        each = [(words, name, one) for (_, words), runs in found.runs.items() for name, one in runs.items()]
+        named = [", ".join(filter(None, (words, name))) for words, name, _ in each]
+        warn_of(*(one.fine.dataset for _, _, one in each), named=named)
     if as_json:
         say_json(found.plain())
         return
