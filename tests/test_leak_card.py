@@ -462,14 +462,14 @@ def test_the_second_leg_of_a_path_has_a_card() -> None:
 @pytest.mark.parametrize("sweep", ["steps: 4, to: {leak_rate: 1 mm^3/s}", "leak_rates: [2 mm^3/s, 1 mm^3/s]"])
 def test_the_end_of_a_sweep_at_a_leak_rate_is_no_load(sweep: str) -> None:
     told = refused("card", _study(SEAL.replace("steps: 4, to: percolation", sweep)))
-    assert "--at last: the leg ends at a leak rate, 1 mm^3/s, and so on each grid; allowed: a load" in told
+    assert "last: the leg ends at a leak rate, 1 mm^3/s, and so on each grid; allowed: a load" in told
 
 
 @pytest.mark.parametrize(
     ("at", "words"),
     [
         ("pressure=0.05 MPa", "the sweep has no state at pressure=0.05 MPa: its steps have pressure "),
-        ("pressure=9", "--at pressure=9: "),
+        ("pressure=9", "pressure=9: "),
         ("leak_rate=1e-3 mm^3/s", "roughvol ask"),
         ("step=3", "allowed: last, or a load"),
         ("pressure=1 um", "1 um"),

@@ -146,7 +146,8 @@ def ask(
     if unknown == "Sq" and not _liquid(run):
         raise refused("the leak is not that of a liquid, and does not go with Sq^3; allowed: for pressure or modulus")
     if not largest > 0.0:
-        raise refused(f"the leak is {largest}; allowed: > 0; ask for a closed joint by --closed")
+        closed = "a closed joint is asked for by --closed, in Python without leak_rate"
+        raise refused(f"the leak is {largest:g}; allowed: > 0; {closed}")
     at = pressure or 0.0
 
     def log_wanted(log_pressures: Array) -> Array:

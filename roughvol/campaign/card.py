@@ -123,14 +123,14 @@ def _recordable(study: Study, at: Level) -> Level:
     """Return a level as a study records it; refuse a leg that the sweep has not, and a level that is no load."""
     legs = study.sweep.legs
     if at.leg is not None and at.leg > len(legs):
-        raise refused(f"--at {at.label}: the sweep has no leg {at.leg}; allowed: 1 to {len(legs)}")
+        raise refused(f"{at.label}: the sweep has no leg {at.leg}; allowed: 1 to {len(legs)}")
     if at.kind.startswith("leak_rate"):
-        raise refused(f'--at {at.label} is a leak rate: roughvol ask --leak-rate "{at.value}" finds its pressure')
+        raise refused(f'{at.label} is a leak rate: roughvol ask --leak-rate "{at.value}" finds its pressure')
     if at.kind == "step":
-        message = f"--at {at.label}: each grid has another load at a step; allowed: last, or a load as pressure=0.3"
+        message = f"{at.label}: each grid has another load at a step; allowed: last, or a load as pressure=0.3"
         raise refused(message)
     if at.kind == "last" and (end := legs[(at.leg or len(legs)) - 1].target).kind.startswith("leak_rate"):
-        message = f"--at {at.label}: the leg ends at a leak rate, {end.value}, and so on each grid; allowed: a load"
+        message = f"{at.label}: the leg ends at a leak rate, {end.value}, and so on each grid; allowed: a load"
         raise refused(f"{message} as pressure=0.3")
     if at.kind == "last" and at.leg is not None:
         return Level("last") if at.leg == len(legs) else Level("step", sum(leg.steps for leg in legs[: at.leg]))
@@ -142,7 +142,7 @@ def _of_level(error: StudyError, at: Level) -> list[Problem]:
     found = {}
     for problem in error.problems:
         of_card = (problem.key or "").startswith(RECORDED)
-        shown = Problem(f"--at {at.label}: {problem.message}") if of_card else problem
+        shown = Problem(f"{at.label}: {problem.message}") if of_card else problem
         found[shown.message] = shown
     return list(found.values())
 
