@@ -117,7 +117,7 @@ def _tag_to(value: Any) -> str:
 
 End = Annotated[
     Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
-    | Annotated[T, Word(PERCOLATION, (("percolation", "both"),)), Tag("<state>")],
+    | Annotated[T, Word(PERCOLATION, (("percolation", "both"),), PLANES), Tag("<state>")],
     Discriminator(_tag_to),
 ]
 _TARGETS = (

@@ -79,10 +79,11 @@ class _OneOrMany(Form):
 
 @dataclass(frozen=True)
 class Word(Form):
-    """Take a word as short for a mapping."""
+    """Take a word as short for a mapping. ``others`` are words that the key takes beside it, for messages."""
 
     word: str
     meaning: tuple[tuple[str, Any], ...] = ()
+    others: tuple[str, ...] = ()
 
     def _forms(self, inner: Any) -> list[Any]:
         return [{"const": self.word}, inner]
@@ -91,7 +92,8 @@ class Word(Form):
         if value == self.word:
             return inner(dict(self.meaning))
         if not isinstance(value, dict | BaseModel) or (value == {} and not self.meaning):
-            refuse("must be the word '{word}' or a mapping (key: value) that is not empty", word=self.word)
+            words = " or ".join(f"'{word}'" for word in (*self.others, self.word))
+            refuse("must be the word {words} or a mapping (key: value) that is not empty", words=words)
         return inner(value)
 
 
