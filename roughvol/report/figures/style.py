@@ -21,6 +21,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.textpath import TextPath
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from xarray import Dataset
 
@@ -40,7 +41,8 @@ MARKERS = "osD^vP<X>*"
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1, 1.2)), (0, (2.5, 1.2)))
 LIGHTEST = 0.584  # of matplotlib's CMRmap, made for print in grey: 3.1 : 1 against white
 STEPS = 256  # at which the lightness of the map is taken
-PER_INCH = 24  # characters in a line of a note
+NOTE, PER_INCH = 6.5, 24  # points of the letters of a note, and letters of mean width in an inch
+LEFT_FREE = 0.96  # of the width of a figure, for a line of a note; letters are drawn a little wider than their outlines
 RAISED = {"2": "²", "3": "³"}  # the font has no others, nor a raised minus
 WIDE = 62  # characters of a legend, lines included, that fit over a column
 MANY = 30  # computed states of a curve, beyond which only some have a marker
@@ -51,6 +53,11 @@ NUMBERS = {
     math.inf: (1.0,),
 }  # multiples of powers of ten with a number, on an axis whose ends have less than this ratio
 A, P, V = "contact_area_fraction", "mean_pressure", "free_volume"
+
+
+def _inches(line: str) -> float:
+    """Return the width of a line of a note."""
+    return float(TextPath((0.0, 0.0), line, size=NOTE).get_extents().width) / 72.0
 
 
 def read_style(name: str) -> dict[Any, Any]:
@@ -87,8 +94,13 @@ class Drawing(Figure):
     def note(self, text: str) -> None:
         """Put a line on where the drawing comes from below it."""
         self._noted = text
-        lines = "\n".join(textwrap.wrap(text, int(PER_INCH * self.get_size_inches()[0])))
-        self.supxlabel(lines, x=0.01, ha="left", fontsize=6.5, color=GREY, linespacing=1.1)
+        width = self.get_size_inches()[0]
+        characters = int(PER_INCH * width)
+        with mpl.rc_context(STYLE | dict(self.style)):
+            while any(_inches(line) > LEFT_FREE * width for line in textwrap.wrap(text, characters)):
+                characters -= 2  # wide letters, as of a long name
+            lines = "\n".join(textwrap.wrap(text, characters))
+            self.supxlabel(lines, x=0.01, ha="left", fontsize=NOTE, color=GREY, linespacing=1.1)
 
     def savefig(self, fname: Any, *, transparent: bool | None = None, **kwargs: Any) -> None:
         """Save as matplotlib does, with the fonts of `STYLE`: how text is embedded is decided when a file is written.
