@@ -25,7 +25,7 @@ import json
 import math
 import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -381,7 +381,7 @@ class Cards:
     asked: str  # name or path of the study
     changes: tuple[str, ...]
     folder: Path  # of the runs, and of the pages
-    runs: Mapping[tuple[str, str], Mapping[str, CardRuns]]
+    runs: Mapping[tuple[str, str], Mapping[str, CardRuns]] = field(repr=False)
     notice: str = ""  # a default that changed since an older version, where a run was computed with it
 
     @property
@@ -618,8 +618,8 @@ def compare(runs: Sequence[Dataset | StoredRun | str | Path], at: Loads = (), *,
 class Reported:
     """A report on runs."""
 
-    judgement: Judgement  # claims of the paper and the literature, answered from the runs
-    report: Report  # the page: a section for each run, claims, figures
+    judgement: Judgement = field(repr=False)  # claims of the paper and the literature, answered from the runs
+    report: Report = field(repr=False)  # the page: a section for each run, claims, figures
     runs: tuple[StoredRun, ...]
     refused: tuple[str, ...] = ()  # why other runs are left out
 

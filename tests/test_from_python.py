@@ -77,6 +77,12 @@ def test_the_six_things_give_what_their_comments_say(names: dict[str, Any]) -> N
     assert saved["leak_rate_x"].to_numpy()[2:] == pytest.approx(leak, rel=1e-6)
 
 
+def test_the_text_of_an_answer_has_no_datasets(names: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(names["folder"])
+    answers = (roughvol.ask("joint"), names["cards"], roughvol.compare(["m4", "m5"]), roughvol.report_on(["joint"]))
+    assert not any("xarray" in repr(answer) for answer in answers)
+
+
 def test_messages_begin_as_their_comments_say(names: dict[str, Any]) -> None:
     said = re.findall(r"print\(\w+\)  # (.*?) \.\.\.$", "\n".join(BLOCKS), re.MULTILINE)
     assert len(said) == len(names["printed"]) == 4

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -253,7 +253,7 @@ def _plain_rows(rows: Sequence[dict[str, Any]], units: dict[str, str]) -> Record
 class Compared:
     """Numbers of several runs at equal loads, run by run and state by state."""
 
-    states: States
+    states: States = field(repr=False)
     left_out: tuple[str, ...] = ()  # why numbers and surfaces are not compared
 
     def table(self) -> Table:

@@ -15,7 +15,7 @@ import json
 import os
 import shlex
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,7 +46,7 @@ class StoredRun:
     """
 
     file: Path
-    dataset: Dataset
+    dataset: Dataset = field(repr=False)
     given: Study | None = None
     asked: str = ""
     changes: tuple[str, ...] = ()
