@@ -880,20 +880,20 @@ class Explained:
     name: str
     keys: tuple[Key, ...] = ()  # the key of the name in each of its forms; without a name, the sections
     others: tuple[Key, ...] = ()  # keys inside the section; without a key of the name, keys elsewhere that end so
-    variable: Variable | None = None  # the stored variable
+    variable: Variable | None = None  # the variable, stored or derived
     stored_by: str = ""  # the key of a study that stores the variable
     gas: Fluid | None = None  # the gas, into vacuum
 
 
 def explain(name: str | None = None) -> Explained:
-    """Return the meaning of a key, a section, a stored variable, a gas or a quantity of your own: `roughvol explain`.
+    """Return the meaning of a key, a section, a variable, a gas or a quantity of your own: `roughvol explain`.
 
     Parameters
     ----------
     name : str, optional
-        As ``"surface.file"``, ``"free_volume"``, ``"helium"``. A quantity of your own is ``"my_module:my_function"``,
-        an entry point of ``roughvol.observables``, or its name in a run under ``runs``; its mean is
-        ``"my_number_mean"``. Default: the sections of a study.
+        As ``"surface.file"``, ``"free_volume"`` or its symbol ``"V*"``, ``"helium"``. A quantity of your own is
+        ``"my_module:my_function"``, an entry point of ``roughvol.observables``, or its name in a run under ``runs``;
+        its mean is ``"my_number_mean"``. Default: the sections of a study.
 
     Returns
     -------
@@ -918,7 +918,7 @@ def explain(name: str | None = None) -> Explained:
     >>> roughvol.explain("leak_rate").variable.symbol
     'Q_i'
     """
-    from roughvol.observables.variables import VARIABLES, columns_of
+    from roughvol.observables.variables import QUANTITIES, columns_of, named_by
     from roughvol.store.record_key import record_key
     from roughvol.study import Fluid, check_type
     from roughvol.study.reference import keys
@@ -933,18 +933,19 @@ def explain(name: str | None = None) -> Explained:
     exact = tuple(key for key in keys() if key.path == word)
     inside = tuple(key for key in keys() if key.path.rpartition(".")[0] == word)
     other = tuple(key for key in keys() if not exact and key.path.rpartition(".")[2] == word)
-    stored = next((stored for stored in VARIABLES if word in (stored, *columns_of(stored))), "")
-    of_user = None if exact or stored else _own_explained(word)
+    variable = next((name for name in QUANTITIES if word in (name, *columns_of(name))), "")
+    variable = variable or ("" if exact or other else named_by(word))
+    of_user = None if exact or variable else _own_explained(word)
     if of_user is not None:
         return replace(of_user, others=other)
-    if not exact and not other and not stored:
+    if not exact and not other and not variable:
         names = explained_names()
         near = [name for name in names if name.lower() == word.lower()]
         near = near or difflib.get_close_matches(word, names, n=3, cutoff=0.5)
         hint = f"did you mean {' or '.join(near)}? " if near else ""
         raise DatasetError(f"no key and no variable {word!r}; {hint}roughvol explain lists the sections")
-    stored_by = record_key(stored) if stored else ""
-    return Explained(stored or word, exact, inside or other, VARIABLES.get(stored), stored_by)
+    stored_by = record_key(variable) if variable else ""
+    return Explained(variable or word, exact, inside or other, QUANTITIES.get(variable), stored_by)
 
 
 def _own_explained(word: str) -> Explained | None:
@@ -977,8 +978,8 @@ def _own_explained(word: str) -> Explained | None:
 
 def explained_names() -> list[str]:
     """Return all names that `explain` describes."""
-    from roughvol.observables.variables import VARIABLES
+    from roughvol.observables.variables import QUANTITIES
     from roughvol.study.reference import keys
     from roughvol.study.sections.fluid import SUBSTANCES
 
-    return list(dict.fromkeys([*(key.path for key in keys()), *VARIABLES, *SUBSTANCES]))
+    return list(dict.fromkeys([*(key.path for key in keys()), *QUANTITIES, *SUBSTANCES]))

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import roughvol
 from roughvol.observables.variables import VARIABLES
 from roughvol.study import load
 from roughvol.study.reference import keys
-from tests.kit import ROOT, call, python, refused, said
+from tests.kit import ROOT, call, python, ran, refused, said
 
 EXAMPLES = ("ensemble", "metal", "reproduce", "scan", "seal")
 pytestmark = pytest.mark.usefixtures("here")
@@ -143,6 +144,23 @@ def test_explain_knows_every_variable_and_the_columns_of_the_tables() -> None:
     for name in VARIABLES:
         said("explain", name)
     assert said("explain", "transmissivity").startswith(said("explain", "transmissivity_x"))
+
+
+def test_explain_knows_the_heads_and_names_of_the_columns_of_show() -> None:
+    leak = "dimensional: {pressure: MPa, leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s}}"
+    study = (
+        "surface: {D: 2.3, m: 3, L: 100 um, Sq: 1 um, seeds: 2}\nmaterial: {E: 10 MPa, nu: 0.5}\nsweep: {steps: 3}\n"
+    )
+    ran("columns", f"{study}record: {{transport: {{transmissivity: every-step}}, {leak}}}")
+    heads = re.split(r"  +", said("show", "columns").splitlines()[1].strip())
+    assert {"p [MPa]", "V*", "d/σ", "open along x", "median T_y*", "median Q_x [mm^3/s]"} < {*heads}
+    names = roughvol.show("columns").names
+    for name in (*heads, *names, "Q_seal [mm^3/s]", "seal_leak_rate"):
+        if name not in ("step", "surfaces"):
+            assert roughvol.explain(name).variable is not None, name
+    assert said("explain", "leak_rate").startswith(said("explain", "median Q_x [mm^3/s]"))
+    assert "length^3/time" in said("explain", "Q_x dry")
+    assert "derived from study.nc" in said("explain", "K L/E*")
 
 
 def test_every_key_has_a_description_and_values() -> None:

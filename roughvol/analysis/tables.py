@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from xarray import Dataset, Variable
 
-from roughvol.observables.variables import AXES
+from roughvol.observables.variables import AXES, along
 
 SMALLEST, LARGEST = 1e-4, 1e6  # numbers between them have no exponent
 
@@ -38,7 +38,7 @@ def by_direction(ds: Dataset) -> dict[str, Variable]:
             symbol = str(variable.attrs.get("symbol", name))
             for axis in AXES:
                 part = columns[f"{name}_{axis}"] = variable.isel(axis=ds.indexes["axis"].get_loc(axis))
-                part.attrs["symbol"] = re.sub(r"(?<![A-Za-z])i(?![A-Za-z])", axis, symbol)
+                part.attrs["symbol"] = along(symbol, axis)
     return columns
 
 

@@ -32,12 +32,13 @@ def _names_with(context: click.Context, option: click.Parameter, start: str) -> 
     "roughvol explain                      the sections of a study",
     "roughvol explain surface.file         a key: values, default, meaning",
     "roughvol explain free_volume          a variable of study.nc",
+    "roughvol explain 'V*'                 a column of a table, by its head",
     "roughvol explain helium               a gas: viscosity, molar mass, mean free path",
     "roughvol explain mine:function        a quantity of your own; roughvol explain NAME: by its name in a run",
 )
 @click.argument("name", required=False, shell_complete=_names_with)
 def explain(name: str | None) -> None:
-    """Describe NAME: a key of a study, a section, a stored variable, a gas, or a quantity of your own."""
+    """Describe NAME: a key of a study, a section, a variable or its symbol, a gas, or a quantity of your own."""
     found = roughvol.explain(name)
     if found.gas is not None:
         _say_gas(found.name, found.gas)
@@ -76,7 +77,8 @@ def _say_variable(name: str, row: Variable, stored_by: str) -> None:
         ("stored", stored_by or "every study, or as docs/reference/observables.md describes"),
         ("from", row.source),
     )
-    _say_facts(f"{name}   {row.symbol}   variable of study.nc", facts)
+    kept = [fact for fact in facts if fact[1] and (row.stored or fact[0] != "stored")]
+    _say_facts(f"{name}   {row.symbol}   {'variable of study.nc' if row.stored else 'derived from study.nc'}", kept)
 
 
 def _say_gas(name: str, gas: Fluid) -> None:

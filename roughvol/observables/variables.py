@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 import itertools
 import math
+import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -100,6 +101,22 @@ def columns(table: str) -> tuple[str, ...]:
 def columns_of(name: str) -> tuple[str, ...]:
     """Return the columns of a quantity in a table: one for each direction, as ``leak_rate_x``, or the name itself."""
     return tuple(f"{name}_{axis}" for axis in AXES) if "axis" in QUANTITIES[name].dims.split() else (name,)
+
+
+def along(symbol: str, axis: str) -> str:
+    """Return the symbol of a quantity along a direction, as ``Q_x`` of ``Q_i``."""
+    return re.sub(r"(?<![A-Za-z])i(?![A-Za-z])", axis, symbol)
+
+
+def named_by(head: str) -> str:
+    """Return the quantity of a symbol or the head of a column, as ``median Q_x [mm^3/s]``; empty for another text."""
+    symbol, dry = re.sub(r" \[.*\]$", "", head.removeprefix("median ")), ""
+    if symbol.endswith(" dry"):
+        symbol, dry = symbol.removesuffix(" dry"), "_dry"
+    for name, row in QUANTITIES.items():
+        if not name.endswith("_dry") and symbol in (row.symbol, *(along(row.symbol, axis) for axis in AXES)):
+            return name + dry if name + dry in QUANTITIES else name
+    return ""
 
 
 def row_of(column: str) -> Variable | None:
