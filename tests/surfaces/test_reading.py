@@ -224,7 +224,10 @@ REFUSED = {
     "text.npz": ("not a zip file", "1 2 3"),
     "none.npz": ("arrays in the file: none", lambda path: np.savez(path)),
     "text.nc": ("cannot be read as .nc", "1 2 3"),
-    "two columns.dat": (r"shape \(9, 2\); allowed: two dimensions of at least 3", "1 2\n" * 9),
+    "two columns.dat": (
+        r"shape \(9, 2\); allowed: two dimensions of at least 3 nodes each; a profile is no map",
+        "1 2\n" * 9,
+    ),
 }
 OF_HEIGHTS = ("objects.npz", "short.npy", "complex.npy", "mask.npy")  # their headers are sound
 

@@ -121,7 +121,7 @@ def map_shape(path: Path, shape: tuple[int, ...]) -> tuple[int, int]:
     A small compressed file may hold any number of zeros.
     """
     if len(shape) != 2 or min(shape) < FEWEST:
-        profile = "; a profile is no map" if max(shape, default=0) >= FEWEST else ""
+        profile = "; a profile is no map" if sum(length >= FEWEST for length in shape) == 1 else ""
         raise SurfaceError(
             f"{path}: heights have shape {shape}; allowed: two dimensions of at least 3 nodes each{profile}"
         )
