@@ -130,31 +130,23 @@ def _press_trials_once() -> Iterator[None]:
 @pytest.fixture(scope="session", autouse=True)
 def _blank_figures() -> Iterator[None]:
     """Save blank figures of the same size: layout, text and fonts take most of the time of a figure."""
-    from roughvol.report.figures import card_print
     from roughvol.report.figures.style import Drawing
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Drawing, "savefig", functools.partialmethod(_saved_blank, Drawing.savefig))
-        patch.setattr(card_print, "_of_size_1", functools.partial(_of_equal_letters, card_print._of_size_1))
         yield
 
 
 @pytest.fixture(autouse=True)
 def _figures_where_marked(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if request.node.get_closest_marker("layout") is not None:
-        from roughvol.report.figures import card_print
         from roughvol.report.figures.style import Drawing
 
         monkeypatch.setattr(Drawing, "savefig", Drawing.__dict__["savefig"].args[0])
-        monkeypatch.setattr(card_print, "_of_size_1", card_print._of_size_1.args[0])
 
 
 def _saved_blank(figure: Any, saved: Any, file: Any, **options: Any) -> None:
     saved(type(figure)(figsize=figure.get_size_inches()), file, **options | {"dpi": 40})
-
-
-def _of_equal_letters(measured: Any, text: str, weight: str) -> float:
-    return 0.6 * len(text)
 
 
 @pytest.fixture

@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties, findfont, get_font
 
 from roughvol.analysis.leak_card import Card
 from roughvol.analysis.tables import Table
 from roughvol.report.document import Document, Section
+from roughvol.report.figures import style
 from roughvol.report.figures.leak_card import SANS, panels
 from roughvol.report.figures.style import GREY, STYLE, Drawing
 
@@ -230,19 +230,7 @@ def _words(text: str, size: float, width: float, weight: str) -> Iterator[str]:
         yield word[start:]
 
 
+@functools.cache
 def width_of(text: str, size: float, weight: str = "normal") -> float:
     """Return the width of a text in the type of the page."""
-    return size * _of_size_1(text, weight)
-
-
-@functools.cache
-def _of_size_1(text: str, weight: str) -> float:
-    return sum(_advance(letter, weight) for letter in text)
-
-
-@functools.cache
-def _advance(letter: str, weight: str) -> float:
-    """Return the width of a letter over the size of the type; pairs of letters lie no farther apart."""
-    font, large = get_font(findfont(FontProperties(family=SANS["font.family"], weight=weight))), 100.0
-    font.set_size(large, 72)
-    return float(font.load_char(ord(letter)).linearHoriAdvance) / 65536.0 / large
+    return style.width_of(text, size, SANS["font.family"], weight)

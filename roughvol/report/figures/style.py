@@ -6,6 +6,7 @@ Line colours are equal steps in lightness, from near black to the lightest that 
 
 from __future__ import annotations
 
+import functools
 import io
 import math
 import os
@@ -20,8 +21,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.lines import Line2D
-from matplotlib.textpath import TextPath
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from xarray import Dataset
 
@@ -42,7 +43,7 @@ DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1, 1.
 LIGHTEST = 0.584  # of matplotlib's CMRmap, made for print in grey: 3.1 : 1 against white
 STEPS = 256  # at which the lightness of the map is taken
 NOTE, PER_INCH = 6.5, 24  # points of the letters of a note, and letters of mean width in an inch
-LEFT_FREE = 0.96  # of the width of a figure, for a line of a note; letters are drawn a little wider than their outlines
+LEFT_FREE = 0.96  # of the width of a figure, for a line of a note
 RAISED = {"2": "²", "3": "³"}  # the font has no others, nor a raised minus
 WIDE = 62  # characters of a legend, lines included, that fit over a column
 MANY = 30  # computed states of a curve, beyond which only some have a marker
@@ -55,9 +56,17 @@ NUMBERS = {
 A, P, V = "contact_area_fraction", "mean_pressure", "free_volume"
 
 
-def _inches(line: str) -> float:
-    """Return the width of a line of a note."""
-    return float(TextPath((0.0, 0.0), line, size=NOTE).get_extents().width) / 72.0
+def width_of(text: str, size: float, family: Sequence[str], weight: str = "normal") -> float:
+    """Return the width of a text in type of a size [points]."""
+    return size * sum(_advance(letter, tuple(family), weight) for letter in text)
+
+
+@functools.cache
+def _advance(letter: str, family: Sequence[str], weight: str) -> float:
+    """Return the width of a letter over the size of the type; pairs of letters lie no farther apart."""
+    font, large = get_font(findfont(FontProperties(family=list(family), weight=weight))), 100.0
+    font.set_size(large, 72)
+    return float(font.load_char(ord(letter)).linearHoriAdvance) / 65536.0 / large
 
 
 def read_style(name: str) -> dict[Any, Any]:
@@ -97,7 +106,8 @@ class Drawing(Figure):
         width = self.get_size_inches()[0]
         characters = int(PER_INCH * width)
         with mpl.rc_context(STYLE | dict(self.style)):
-            while any(_inches(line) > LEFT_FREE * width for line in textwrap.wrap(text, characters)):
+            family, room = mpl.rcParams["font.family"], 72.0 * LEFT_FREE * width
+            while characters > 2 and any(width_of(one, NOTE, family) > room for one in textwrap.wrap(text, characters)):
                 characters -= 2  # wide letters, as of a long name
             lines = "\n".join(textwrap.wrap(text, characters))
             self.supxlabel(lines, x=0.01, ha="left", fontsize=NOTE, color=GREY, linespacing=1.1)
