@@ -192,6 +192,21 @@ def test_points_have_the_D_m_and_seed_of_their_surface_and_no_tex(tmp_path: Path
     assert {(row["x_label"], row["y_label"]) for row in rows} == {labels}
 
 
+def test_points_of_many_files_have_the_file_of_their_surface(tmp_path: Path) -> None:
+    """More than six files of a run share a curve."""
+    for k in range(7):
+        np.save(tmp_path / f"face{k}.npy", np.random.default_rng(k).standard_normal((9, 9)))
+    files = "files: " + str(tmp_path / "face*.npy")
+    ran("faces", f"surface: {{{files}, L: 1.0, sides: free}}\nsweep: {{steps: 2, to: {{contact_area: 0.3}}}}\n")
+    said("plot", "faces", "v_of_p", "--format", "csv", "--out", tmp_path)
+    with (tmp_path / "v_of_p.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    ds = roughvol.open("faces")
+    for name in ds["case"].values.tolist():
+        own = [float(row["y"]) for row in rows if row["case"] == name]
+        assert own == pytest.approx(ds["free_volume"].sel(case=name).values.tolist(), rel=1e-12)
+
+
 def test_points_of_a_leak_have_their_direction(tmp_path: Path) -> None:
     rows = _points("leaking", "leak_of_p", tmp_path)
     assert {(row["axis"], row["D"]) for row in rows} == {("x", "2.3"), ("y", "2.3")}

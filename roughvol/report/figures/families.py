@@ -49,7 +49,7 @@ class Family(NamedTuple):
         found |= {key: self.data[key].item() for key in ("D", "m", "case") if key in self.data.coords}
         one = 0 if self.surfaces == 1 else surface
         if one is not None and "seed" in self.data.coords:
-            seed = self.data["seed"].values[one].item()
+            seed = self.data["seed"].values.tolist()[one]
             found |= {"case": seed} if isinstance(seed, str) else {"seed": seed}
             if self.surfaces > 1:
                 found["curve"] = f"{self.label}, {seed if isinstance(seed, str) else f'seed {seed}'}"
