@@ -100,7 +100,7 @@ def study_of(
         return found, folder
     if isinstance(study, Mapping):
         _refuse_heights(study)
-        whole = of_data(study, Arguments("study", {"": "study"}), texts)
+        whole = of_data(study, Arguments("", {"": "study"}), texts)
     else:
         whole = changed(study, texts)
     return whole, folder_of(whole)
@@ -112,7 +112,7 @@ def _refuse_heights(study: Mapping[str, Any]) -> None:
     if isinstance(surface, Mapping) and "heights" in surface:
         name = study.get("name", "NAME")
         message = f"heights in memory are taken by roughvol.run, which keeps them; then give the run, as {name!r}"
-        raise StudyError([Problem(message, argument='study: study["surface"]["heights"]')])
+        raise StudyError([Problem(message, argument='study["surface"]["heights"]')])
 
 
 @dataclass(frozen=True, eq=False)

@@ -100,6 +100,7 @@ RUNS = "runs are a list of names, paths and datasets, given a value of the type 
 WRONG: list[tuple[Callable[[Any], Any], Any, str]] = [
     (roughvol.run, 3, "a study is a file, a mapping or a Study, given a value of the type int"),
     (roughvol.status, 3, "a study is a file, a mapping or a Study, given a value of the type int"),
+    (roughvol.check, {"surface": {"D": 9.0, "m": 3}}, r'study\["surface"\]\["D"\]: must be < 3, given 9'),
     (roughvol.card, xr.Dataset(), "a study is a file, a mapping or a Study, given a value of the type Dataset"),
     (roughvol.run, xr.Dataset(), "a study is a file, a mapping or a Study, given a value of the type Dataset"),
     (roughvol.open, 3, "a run is a name or a path, given a value of the type int"),

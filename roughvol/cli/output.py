@@ -66,7 +66,7 @@ def warn(sentences: Iterable[str]) -> None:
 
 
 def warn_of(*runs: Dataset, named: Sequence[str] = ("",)) -> None:
-    """Print the limits of the model that the states of runs exceed, behind the names of several runs."""
+    """Print the stored warnings of runs behind their names: limits that their states exceed, and doubtful input."""
     lines = zip(named, (str(run.attrs.get("warnings", "")).splitlines() for run in runs), strict=True)
     warn(": ".join(filter(None, (name, line))) for name, each in lines for line in each)
 

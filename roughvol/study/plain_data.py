@@ -249,7 +249,7 @@ _Dumper.add_representer(str, _Dumper.text)
 class Arguments:
     """The arguments of a call from Python, for messages: each stands for a part of a study.
 
-    ``names`` has the argument for a key, as "E" for "material.E"; the empty key is the study.
+    ``names`` has the argument for a key, as "E" for "material.E"; the empty key is the study. ``call`` may be empty.
     """
 
     call: str
@@ -262,8 +262,11 @@ class Arguments:
             name = self.names.get(key_text(tuple(parts[:end])))
             if name is not None:
                 items = "".join(f'["{part}"]' if isinstance(part, str) else f"[{part}]" for part in parts[end:])
-                return f"{self.call}: {name}{items}"
-        return f"{self.call}: {key}"
+                return self._in_call(f"{name}{items}")
+        return self._in_call(key)
+
+    def _in_call(self, argument: str) -> str:
+        return f"{self.call}: {argument}" if self.call else argument
 
 
 class Places:

@@ -171,7 +171,7 @@ def test_surfaces_of_different_sq_have_the_median_of_their_leaks(tmp_path: Path)
 @pytest.mark.parametrize(
     ("kind", "end", "words"),
     [
-        ("pressure", "{pressure: 0.5}", "--at pressure=99: 99 is not reached: the sweep ends at pressure 0.5"),
+        ("pressure", "{pressure: 0.5}", "pressure=99: 99 is not reached: the sweep ends at pressure 0.5"),
         ("indentation", "mean-plane", "the sweep has no state at indentation=99: its steps have indentation 0"),
     ],
 )
