@@ -40,7 +40,6 @@ from roughvol.analysis.legs import first_leg
 from roughvol.analysis.tables import number
 from roughvol.ensemble.multilevel import COVERAGE, half_width
 from roughvol.errors import DatasetError, StudyError
-from roughvol.observables import regions
 from roughvol.observables.variables import QUANTITIES
 from roughvol.store.dataset import Dataset
 from roughvol.study import Region, Seal, Study
@@ -392,6 +391,8 @@ def leak_of(
 
 def surface_of(run: Dataset, region: Region | None) -> Surface:
     """Return the patch of a run with stored heights: its surface, or the region of it that is observed."""
+    from roughvol.observables import regions  # imports the solver, for cards alone
+
     z, periodic = run["heights"].transpose("x", "y").values, "periodic" in run.attrs
     spacing = float(run["L"]) / intervals(z.shape[0], periodic)
     if region is None:
