@@ -557,6 +557,20 @@ def test_the_part_of_the_solver_under_fluid_pressure_holds_an_exact_one(
         assert off <= math.log(part.factor / 1.001)  # a small grid is factorised: its flow has no error
 
 
+def test_the_part_of_the_solver_under_fluid_pressure_follows_the_longer_side(here: Path) -> None:
+    heights, at = random_midpoint_displacement(2.2, 5, seed=1).heights[:17], parse("pressure=0.08 MPa")
+    cards = []
+    for name, z, length in (("wide", heights, "100 um"), ("tall", heights.T, "200 um")):
+        np.save(f"{name}.npy", 0.5 * z / z.std())  # µm
+        surface = f"{{file: {name}.npy, L: {length}, heights_unit: um, sides: mirrored}}"
+        text = LIFT.replace("{D: 2.2, m: 5, L: 200 um, Sq: 0.5 um, seeds: [1], sides: periodic}", surface)
+        cards.append(_finest(text, at, here / name))
+    for wide, tall in zip(cards[0].ways, reversed(cards[1].ways), strict=True):
+        assert_allclose(wide.leak.value, tall.leak.value, rtol=1e-3)
+        factors = [part_of(way, "solver").factor for way in (wide, tall)]
+        assert_allclose(np.log(factors[0] / 1.001), np.log(factors[1] / 1.001), rtol=0.1)  # of gains from rounds
+
+
 def test_a_fluid_pressure_without_units_keeps_its_nominal_value_on_other_grids(tmp_path: Path) -> None:
     heights = random_midpoint_displacement(2.2, 5, side=100.0, seed=5).heights
     np.save(tmp_path / "scan.npy", heights)

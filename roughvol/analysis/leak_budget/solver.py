@@ -78,8 +78,8 @@ def _flows(surface: Loaded, axis: str) -> tuple[float, float, float]:
 def _bound(surface: Loaded, axis: str) -> float:
     """Return η/σ: the largest of the steps, and that to which a state between two steps is solved.
 
-    Under fluid pressure P the gap is right to η and to the displacement of the error of P, taken as a wave of length L:
-    L/(π E*) times its amplitude.
+    Under fluid pressure P the gap is right to η and to the displacement of the error of P, taken as a wave as long as the
+    longer side of the surface: this side/(π E*) times its amplitude.
     """
     if not is_lifted(surface.table):
         return max(float(surface.table["residual"].max()), surface.run.rtol)
@@ -95,4 +95,5 @@ def _bound(surface: Loaded, axis: str) -> float:
     names = ("fluid_leak_dry", "fluid_leak_one_way", "fluid_leak")
     dry, first, last = (float(state[name].sel(axis=axis)) for name in names)
     gain = max(1.0, abs((last - dry) / (first - dry))) if first != dry else 1.0
-    return solved + gain * ACCURACY * drop / math.pi
+    longer = max(1.0, surface.fields.sizes["y"] / surface.fields.sizes["x"])  # over L
+    return solved + gain * ACCURACY * drop * longer / math.pi
