@@ -78,8 +78,8 @@ def _flows(surface: Loaded, axis: str) -> tuple[float, float, float]:
 def _bound(surface: Loaded, axis: str) -> float:
     """Return η/σ: the largest of the steps, and that to which a state between two steps is solved.
 
-    Under fluid pressure P the gap is right to η and to the displacement of the error of P, taken as a wave as long as the
-    longer side of the surface: this side/(π E*) times its amplitude.
+    Under fluid pressure P the gap is right to η and to the displacement of the error of P. The error is taken as a wave
+    as long as the longer side: this side/(π E*) times its amplitude.
     """
     if not is_lifted(surface.table):
         return max(float(surface.table["residual"].max()), surface.run.rtol)
