@@ -137,7 +137,9 @@ def test_a_state_that_a_run_does_not_have_is_refused(name: str, text: str, words
     assert words in refused("show", name, "--at", text)
 
 
-@pytest.mark.parametrize("text", ["pressure", "q=1", "pressure=", "pressure=1 um", "last=3", "leak_rate=-1 mm^3/s"])
+@pytest.mark.parametrize(
+    "text", ["pressure", "q=1", "pressure=", "pressure=1 um", "last=3", "leak_rate=-1 mm^3/s", "A=1.01"]
+)
 def test_what_is_no_level_is_refused(text: str) -> None:
     with pytest.raises(DatasetError, match=r"allowed|must be"):
         parse(text)

@@ -179,6 +179,8 @@ def parse(text: str) -> Level:
         raise DatasetError(f"{text}: {error}") from error
     if kind.unit == _Q and not float(level.value or 0.0) > 0.0:
         raise DatasetError(f"{text}: allowed: a leak rate > 0; roughvol show has the load at which each way closes")
+    if name == "contact_area" and float(level.value or 0.0) > 1.0:
+        raise DatasetError(f"{text}: allowed: a share of the nominal area, at most 1")
     if kind.needs_unit and not isinstance(level.value, Quantity):
         raise DatasetError(f"{text}: needs its unit, as {name}={KINDS[kind.unit].example.replace(' ', '')}")
     return level
