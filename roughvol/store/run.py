@@ -157,6 +157,8 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
     try:
         results = dataset.read(file, saved=file.name != RESULTS)
     except DatasetError as error:
+        if file.name == RESULTS and _is_file(file.with_name("study.yaml")):
+            raise DatasetError(f"{error}; to make it anew: roughvol run {_word(file.parent)}") from error
         if file.suffix in DATASETS or not _is_map(file):
             raise
         words = f"{file}: a height map, no run: roughvol init {_word(file)} writes a study for it"
