@@ -504,7 +504,7 @@ def card(
 
     done: list[int] = []  # numbers of cases computed now
     (asked, _), texts = study_of(study, changes, of_run=not fresh), changes_of(changes)
-    folder = folder_of(asked, out or Path("runs") / f"{asked.name}_card")
+    folder = folder_of(asked, Path("runs") / f"{asked.name}_card" if out is None else out)
     found: dict[tuple[str, str], dict[str, CardRuns]] = {}
     cards = Cards(asked, str(study) if isinstance(study, str | Path) else asked.name, texts, folder, found)
     loads = levels(at)

@@ -161,6 +161,7 @@ def test_explain_knows_the_heads_and_names_of_the_columns_of_show() -> None:
     assert said("explain", "leak_rate").startswith(said("explain", "median Q_x [mm^3/s]"))
     assert "length^3/time" in said("explain", "Q_x dry")
     assert "derived from study.nc" in said("explain", "K L/E*")
+    assert said("explain", "h [W/m^2/K]").startswith("contact_conductance")
 
 
 def test_every_key_has_a_description_and_values() -> None:

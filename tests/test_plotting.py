@@ -52,10 +52,11 @@ def test_long_names_do_not_cut_a_formula(small_study: Path, length: int) -> None
     assert all(line.count("$") % 2 == 0 for label in labels for line in label.splitlines())
 
 
-@pytest.mark.parametrize("letter", ["W", "a"])
+@pytest.mark.filterwarnings("ignore:Glyph")
+@pytest.mark.parametrize("letter", ["W", "a", "接"])
 def test_a_long_name_stays_within_the_figure(small_study: Path, letter: str) -> None:
     figure = roughvol.plot({letter * 100: small_study, letter * 99: small_study}, "v_of_p")
-    (note,) = (text for text in figure.texts if text.get_text().startswith("Runs "))
+    (note,) = (text for text in figure.texts if text.get_text().startswith("Runs"))
     assert note.get_window_extent().x1 < figure.bbox.x1
 
 

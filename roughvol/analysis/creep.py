@@ -69,7 +69,8 @@ class History:
     - ``ratio``: J(t)/J(0) of the contact
     - ``equivalent``: nominal pressure of the same p* at the modulus of the study, p J(t)/J(0)
     - ``area``: A*, mean over the surfaces whose sweep reaches the state; NaN if none does
-    - ``reaching``: number of these surfaces, of ``surfaces``
+    - ``reaching``: number of surfaces whose sweep reaches the state
+    - ``surfaces``: number of all surfaces
     - ``leak``: leak by axis
     - ``body``: the body that creeps, in words
     - ``has_errors``: whether the intervals have the errors of leak cards
@@ -253,6 +254,7 @@ def write_csv(over_time: History, path: Path) -> None:
             unit = "" if name in COUNTS else f" [{over_time.leak_unit}]"
             head.append(f"leak {axis}{unit}" if name == "leak" else f"leak {axis} {name}{unit}")
             columns.append(getattr(leak, attribute))
+    head, columns = [*head, "surfaces of A*"], [*columns, over_time.reaching]
     text = io.StringIO(newline="")
     rows = zip(*(column.tolist() for column in columns), strict=True)
     csv.writer(text).writerows([head, *(map(repr, row) for row in rows)])
@@ -303,7 +305,7 @@ def _note(over_time: History, *, several: bool) -> str:
         words.append(f"error of the reading up to a factor of {worst:.3g}")
     if several:
         words.append("Q is the median over the surfaces, closed ones counted as 0")
-    if over_time.reaching.min() < over_time.surfaces:
+    if np.any((over_time.reaching > 0) & (over_time.reaching < over_time.surfaces)):
         words.append("A* is the mean over the surfaces whose sweep reaches the state")
     return "; ".join(words)
 

@@ -27,7 +27,7 @@ from xarray import Dataset
 from roughvol.analysis import closing, leak, leak_curve
 from roughvol.analysis.at import check_load, legs_of
 from roughvol.analysis.closing import Span
-from roughvol.analysis.derived import derived, lacks_states, nominal_pressure
+from roughvol.analysis.derived import derived, is_pressed, lacks_states, nominal_pressure
 from roughvol.analysis.leak_card import Card, Part
 from roughvol.analysis.leak_curve import Curve, LoadReading, axes, closings, curves, surfaces
 from roughvol.analysis.stored_run import Run
@@ -208,7 +208,7 @@ def checked(run: Dataset, *, leaks: bool = True) -> Dataset:
             f"({_recorded(run)}), and is not read off between states; roughvol show has it. More states: "
             "record.fluid_pressure.at, as {pressure: [0.1 MPa, 0.2 MPa]}"
         )
-    if "mean_pressure" not in run:
+    if not is_pressed(run):
         raise refused(f"the run {lacks_states(run)}")
     if leaks and "leak_rate" not in run:
         if "gas_leak_rate" in run:
@@ -317,30 +317,37 @@ def seal_words(run: Dataset) -> str:
 def narrower(run: Dataset, answers: Sequence[Answer], *, closed: bool) -> list[str]:
     """Return the changes of the study, a name and a sweep, that solve states around the answers; for ``--set``.
 
-    If the joint is asked to be ``closed``, its closing load is solved in the place of the states. Without an answer
-    within the stored loads the sweep goes on to its closing. Empty if the study does not take the changes.
+    If the joint is asked to be ``closed``, its closing load is solved in the place of the states. Where an answer lies
+    beyond the stored loads, the sweep goes on to its closing. Empty if the study does not take the changes.
     """
     unit = str(run["nominal_pressure"].attrs["units"]) if "nominal_pressure" in run else ""
     nominal = [answer.nominal for answer in answers if answer.found and answer.nominal.low < answer.nominal.high]
     found = sorted(
         {float(f"{load:.5g}") for reading in nominal for load in np.geomspace(reading.low, reading.high, AROUND)}
     )
-    is_beyond = not any(answer.found or answer.nominal.value == 0.0 for answer in answers)
-    if not found and not is_beyond:
+    beyond, solved = any(map(is_beyond, answers)), closing.SOLVED in run
+    if (closed and solved and beyond) or not (found or beyond):  # solved: it closes at no load
         return []
     listed = ", ".join(f"{load:g} {unit}".strip() for load in found)
-    change = "sweep.to=percolation" if is_beyond else f"sweep={{pressures: [{listed}]}}"
-    if closed and closing.SOLVED not in run:
-        change = "record.transport.closing=true"
-    elif closed and is_beyond:  # solved: it closes at no load
-        return []
+    farther = ["sweep.to=percolation", f"sweep={{steps: {run.sizes['step']}, to: percolation}}"]
+    possible = farther if beyond else [f"sweep={{pressures: [{listed}]}}"]
+    if closed and not solved:
+        possible = ["record.transport.closing=true"]
+    suffix = ("closing" if closed else "farther") if beyond else "closer"
     text = str(run.attrs.get("study", ""))
-    try:
-        changes = [f"name={loads(text, stored=True).name}_{'farther' if is_beyond else 'closer'}", change]
-        loads(text, stored=True, changes=changes)
-    except StudyError:
-        return []
-    return changes
+    for change in possible:
+        try:
+            changes = [f"name={loads(text, stored=True).name}_{suffix}", change]
+            loads(text, stored=True, changes=changes)
+        except StudyError:
+            continue
+        return changes
+    return []
+
+
+def is_beyond(answer: Answer) -> bool:
+    """Return whether an answer lies beyond the stored loads."""
+    return not answer.found and answer.nominal.value != 0.0
 
 
 def parts_of(answer: Answer) -> tuple[Part, ...]:

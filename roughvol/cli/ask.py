@@ -68,7 +68,7 @@ def ask(
     """
     if (leak_rate is None) == (not closed):
         raise click.UsageError("either --leak-rate VALUE or --closed")
-    from roughvol.analysis.read_off import is_throughput
+    from roughvol.analysis.read_off import is_beyond, is_throughput
 
     found = roughvol.ask(run, leak_rate=leak_rate, unknown=unknown, at=state, budget=budget, jobs=jobs, changes=changes)
     warn_of(found.run.dataset)
@@ -81,13 +81,14 @@ def ask(
         say(f"along {answer.axis}: {_words(answer, unknown, closed=closed)}")
         if answer.budget is not None:
             say(f"  {_of_budget(answer)}")
-    is_found = any(answer.found for answer in found.answers)
-    errors = budget or not is_found  # without an answer no errors are missing
+    beyond_loads = any(map(is_beyond, found.answers))
+    errors = budget or not any(answer.found for answer in found.answers)  # without an answer no errors are missing
     offered = found.run.has_study and not is_throughput(found.leak_rate)
     for line in beyond(found.run, has_errors=errors, offered=offered):
         say(line)
-    if (narrower := found.command()) and not (budget and is_found):
-        say(f"Solved states {'narrow the interval' if is_found else 'go beyond the sweep'}: {narrower}")
+    if (narrower := found.command()) and not (budget and not beyond_loads):
+        longer = "A solved closing load answers" if closed else "A longer sweep answers"
+        say(f"{longer if beyond_loads else 'Solved states narrow the interval'}: {narrower}")
 
 
 def titled(name: str, results: Dataset) -> str:

@@ -113,7 +113,7 @@ def named_by(head: str) -> str:
     symbol, dry = re.sub(r" \[.*\]$", "", head.removeprefix("median ")), ""
     if symbol.endswith(" dry"):
         symbol, dry = symbol.removesuffix(" dry"), "_dry"
-    for name, row in QUANTITIES.items():
+    for name, row in sorted(QUANTITIES.items(), key=lambda item: not item[1].column):  # heads first
         if not name.endswith("_dry") and symbol in (row.symbol, *(along(row.symbol, axis) for axis in AXES)):
             return name + dry if name + dry in QUANTITIES else name
     return ""

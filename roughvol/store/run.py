@@ -244,8 +244,8 @@ def study_of(run: str | Path, changes: Sequence[str] = (), *, stored: bool = Fal
             problem = Problem(f"{words}: roughvol init {_word(path)} writes a study for it", file=str(path))
             raise StudyError([problem]) from error
         if path.suffix not in STUDY_SUFFIXES and not _is_file(path):
-            looked_for = ", ".join(str(folder / "study.yaml") for folder in _folders(run))
-            raise StudyError([Problem(f"no study file and no run: looked for {path}, {looked_for}")]) from error
+            looked_for = dict.fromkeys(map(str, (path, *(folder / "study.yaml" for folder in _folders(run)))))
+            raise StudyError([Problem(f"no study file and no run: looked for {', '.join(looked_for)}")]) from error
         raise
     return study, run_folder.folder_of(study)
 
@@ -266,7 +266,7 @@ def _placed(problem: Problem, source: Path, folder: Path) -> Problem:
     if problem.file != str(source):
         return problem
     absent = problem.key.startswith("surface.") and problem.message.startswith("no such file")
-    where = "; a run has the names of its height files alone: call in their folder, or give the study file"
+    where = "; a run has the names of its height files alone: call in the folder they begin in, or give the study file"
     return replace(problem, file=str(folder / "study.yaml"), message=problem.message + where * absent)
 
 

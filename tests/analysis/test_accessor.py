@@ -13,7 +13,7 @@ import xarray as xr
 from xarray import Dataset
 
 import roughvol
-from roughvol.errors import DatasetError
+from roughvol.errors import DatasetError, StudyError
 
 STUDY: dict[str, Any] = {
     "surface": {"D": [2.2, 2.6], "m": [4, 5], "seeds": 2, "L": "100 um"},
@@ -140,6 +140,13 @@ def test_numbers_at_a_load_are_no_states(swept: Dataset) -> None:
     for question in (roughvol.show, lambda ds: roughvol.plot(ds, "v_of_p"), lambda ds: ds.roughvol.at("last")):
         with pytest.raises(DatasetError, match="has no dimension step, as numbers at a load; allowed: the states"):
             question(at_load)
+    law = {"power": {"exponent": 0.1, "time": "1 s"}}
+    for asked in (
+        lambda ds: roughvol.ask(ds, leak_rate="1 mm^3/s"),
+        lambda ds: roughvol.creep(ds, law, at="p=0.1", times="1 s"),
+    ):
+        with pytest.raises(StudyError, match="has no dimension step, as numbers at a load; allowed: the states"):
+            asked(at_load)
 
 
 def test_what_follows_from_a_step_or_a_part_of_the_variables_is_derived() -> None:

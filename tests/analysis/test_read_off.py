@@ -298,14 +298,17 @@ def test_a_value_beyond_the_stored_loads_is_infinite_and_one_above_all_is_zero(s
     assert record["interval"][1] is None
 
 
-def test_without_an_answer_the_sweep_goes_on(swept: Dataset) -> None:
+def test_without_an_answer_the_sweep_goes_on(swept: Dataset, largest: float) -> None:
     answers = read_off.ask(swept, 1e-30, "pressure")
     assert read_off.narrower(swept, answers, closed=False)[1] == "sweep.to=percolation"
     assert read_off.narrower(swept, answers, closed=True)[1] == "record.transport.closing=true"
     solved = swept.assign(closing_pressure=((*swept.Sq.dims, "axis"), np.full((*swept.Sq.shape, 2), np.inf)))
     assert not read_off.narrower(solved, answers, closed=True)
     listed = swept.assign_attrs(study=loads(TEXT, changes=["sweep={pressures: [0.1 MPa]}"]).to_yaml())
-    assert not read_off.narrower(listed, answers, closed=False)
+    assert read_off.narrower(listed, answers, closed=False)[1] == "sweep={steps: 20, to: percolation}"
+    one = [read_off.ask(swept, largest, "pressure")[0], answers[1]]
+    assert [read_off.is_beyond(answer) for answer in one] == [False, True]
+    assert read_off.narrower(swept, one, closed=False)[1] == "sweep.to=percolation"
     assert not read_off.narrower(swept, read_off.ask(swept, 1e30, "pressure"), closed=False)
 
 

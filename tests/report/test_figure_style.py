@@ -129,9 +129,9 @@ def test_the_font_has_every_letter_of_a_unit() -> None:
 
 
 def test_a_note_is_broken_for_the_size_of_the_figure() -> None:
-    fig, few = style.canvas(), style.canvas(2.0)
+    fig, few = style.canvas(), style.canvas(1.2)
     for made in (fig, few):
         made.note("Run seal: D = 2.3, m = 5, L = 100 µm, 2 surfaces. Leg 1 of a path; path_loops draws every leg.")
-    fig.set_size_inches(2.0, 3.0)
+    fig.set_size_inches(1.2, 3.0)
     assert fig.get_supxlabel() == few.get_supxlabel()
     assert len(fig.get_supxlabel().splitlines()) > 2

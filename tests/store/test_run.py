@@ -360,7 +360,10 @@ def test_a_problem_of_a_stored_study_is_placed_in_its_file(place: Path) -> None:
     Path("heights.txt").rename("moved.txt")
     told = refused("check", "scan")
     assert "runs/scan/study.yaml:2: surface.file: no such file" in told
-    assert "a run has the names of its height files alone: call in their folder, or give the study file" in told
+    assert (
+        "a run has the names of its height files alone: call in the folder they begin in, or give the study file"
+        in told
+    )
     Path("runs/tiny/study.yaml").write_text("name: [\n", encoding="utf-8")
     assert "runs/tiny/study.yaml:2: not YAML" in refused("status", "tiny")
 

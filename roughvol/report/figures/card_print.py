@@ -5,9 +5,8 @@ Lengths are in points, from the upper left corner of the page.
 
 from __future__ import annotations
 
-import functools
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import matplotlib as mpl
@@ -33,7 +32,6 @@ MOST = 6  # surfaces and limits that the page has; the page of HTML has all
 FEWER = (3, 1, 0)  # limits in the smallest type, where it does not fit
 CUT = "The rest is on the page of HTML."
 NAMES = 0.4  # largest share of a column that the names of facts take
-ROUNDING = 1e-6
 STEP = 2.0  # by which columns of a table are narrowed
 
 
@@ -206,31 +204,10 @@ def _table(table: Table, width: float, size: float) -> list[Line]:
 
 
 def wrapped(text: str, size: float, width: float, weight: str = "normal") -> list[str]:
-    """Return a text in lines of a width; a word that is wider is broken."""
-    rows = [""]
-    for word in _words(text, size, width, weight):
-        longer = f"{rows[-1]} {word}" if rows[-1] else word
-        if width_of(longer, size, weight) <= width + ROUNDING:
-            rows[-1] = longer
-        else:
-            rows.append(word)
-    return [row for row in rows if row] or [""]
+    """Return a text in lines of a width in the type of the page."""
+    return style.wrapped(text, size, width, SANS["font.family"], weight)
 
 
-def _words(text: str, size: float, width: float, weight: str) -> Iterator[str]:
-    for word in text.split(" "):
-        start = 0
-        if width_of(word, size, weight) <= width + ROUNDING:
-            yield word
-            continue
-        for end in range(1, len(word) + 1):
-            if width_of(word[start:end], size, weight) > width + ROUNDING and end - start > 1:
-                yield word[start : end - 1]
-                start = end - 1
-        yield word[start:]
-
-
-@functools.cache
 def width_of(text: str, size: float, weight: str = "normal") -> float:
     """Return the width of a text in the type of the page."""
     return style.width_of(text, size, SANS["font.family"], weight)

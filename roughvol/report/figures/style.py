@@ -11,7 +11,6 @@ import io
 import math
 import os
 import re
-import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -42,7 +41,9 @@ MARKERS = "osD^vP<X>*"
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1.5, 1, 1.5)), (0, (1, 1.2)), (0, (2.5, 1.2)))
 LIGHTEST = 0.584  # of matplotlib's CMRmap, made for print in grey: 3.1 : 1 against white
 STEPS = 256  # at which the lightness of the map is taken
-NOTE, PER_INCH = 6.5, 24  # points of the letters of a note, and letters of mean width in an inch
+NOTE = 6.5  # points of the letters of a note
+ROUNDING = 1e-6  # of a width
+BOX = 1.2  # width over the size of the type: of the box for a letter that the font lacks
 LEFT_FREE = 0.96  # of the width of a figure, for a line of a note
 RAISED = {"2": "²", "3": "³"}  # the font has no others, nor a raised minus
 WIDE = 62  # characters of a legend, lines included, that fit over a column
@@ -66,7 +67,28 @@ def _advance(letter: str, family: Sequence[str], weight: str) -> float:
     """Return the width of a letter over the size of the type; pairs of letters lie no farther apart."""
     font, large = get_font(findfont(FontProperties(family=list(family), weight=weight))), 100.0
     font.set_size(large, 72)
-    return float(font.load_char(ord(letter)).linearHoriAdvance) / 65536.0 / large
+    index = font.get_char_index(ord(letter))
+    return float(font.load_glyph(index).linearHoriAdvance) / 65536.0 / large if index else BOX
+
+
+def wrapped(text: str, size: float, width: float, family: Sequence[str], weight: str = "normal") -> list[str]:
+    """Return a text in lines of a width [points]; a word that is wider is broken."""
+
+    def fits(line: str) -> bool:
+        return width_of(line, size, family, weight) <= width + ROUNDING
+
+    rows = [""]
+    for word in text.split(" "):
+        longer = f"{rows[-1]} {word}" if rows[-1] else word
+        if fits(longer):
+            rows[-1] = longer
+            continue
+        rows.append("")
+        for letter in word:
+            if rows[-1] and not fits(rows[-1] + letter):
+                rows.append("")
+            rows[-1] += letter
+    return [row for row in rows if row] or [""]
 
 
 def read_style(name: str) -> dict[Any, Any]:
@@ -103,13 +125,9 @@ class Drawing(Figure):
     def note(self, text: str) -> None:
         """Put a line on where the drawing comes from below it."""
         self._noted = text
-        width = self.get_size_inches()[0]
-        characters = int(PER_INCH * width)
         with mpl.rc_context(STYLE | dict(self.style)):
-            family, room = mpl.rcParams["font.family"], 72.0 * LEFT_FREE * width
-            while characters > 2 and any(width_of(one, NOTE, family) > room for one in textwrap.wrap(text, characters)):
-                characters -= 2  # wide letters, as of a long name
-            lines = "\n".join(textwrap.wrap(text, characters))
+            room = 72.0 * LEFT_FREE * self.get_size_inches()[0]
+            lines = "\n".join(wrapped(" ".join(text.split()), NOTE, room, mpl.rcParams["font.family"]))
             self.supxlabel(lines, x=0.01, ha="left", fontsize=NOTE, color=GREY, linespacing=1.1)
 
     def savefig(self, fname: Any, *, transparent: bool | None = None, **kwargs: Any) -> None:
