@@ -325,15 +325,14 @@ def narrower(run: Dataset, answers: Sequence[Answer], *, closed: bool) -> list[s
     found = sorted(
         {float(f"{load:.5g}") for reading in nominal for load in np.geomspace(reading.low, reading.high, AROUND)}
     )
-    beyond, solved = any(map(is_beyond, answers)), closing.SOLVED in run
-    if (closed and solved and beyond) or not (found or beyond):  # solved: it closes at no load
-        return []
-    listed = ", ".join(f"{load:g} {unit}".strip() for load in found)
-    farther = ["sweep.to=percolation", f"sweep={{steps: {run.sizes['step']}, to: percolation}}"]
-    possible = farther if beyond else [f"sweep={{pressures: [{listed}]}}"]
-    if closed and not solved:
+    beyond, possible = any(map(is_beyond, answers)), list[str]()
+    if closed and closing.SOLVED not in run and (found or beyond):
         possible = ["record.transport.closing=true"]
-    suffix = ("closing" if closed else "farther") if beyond else "closer"
+    elif beyond and not closed:  # a study of listed loads or of legs has no key sweep.to
+        possible = ["sweep.to=percolation", f"sweep={{steps: {run.sizes['step']}, to: percolation}}"]
+    elif found and not beyond:
+        possible = [f"sweep={{pressures: [{', '.join(f'{load:g} {unit}'.strip() for load in found)}]}}"]
+    suffix = "closer" if not beyond else "closing" if closed else "farther"
     text = str(run.attrs.get("study", ""))
     for change in possible:
         try:

@@ -63,8 +63,8 @@ def ask(
     """Find where the leak of RUN falls to a value: RUN is a folder, a study.nc, a study file, or a name.
 
     The answer is read off the stored sweep: numbers depend on E* and Sq through p* alone. Of several surfaces the
-    leakiest decides. The answer has the interval of the reading, and the command that narrows it. Nothing is solved,
-    but for --budget: then the interval has the errors of solver, grid, window and levelling too.
+    leakiest decides. The answer has the interval of the reading, and the command that narrows it or goes on. Nothing is
+    solved, but for --budget: then the interval has the errors of solver, grid, window and levelling too.
     """
     if (leak_rate is None) == (not closed):
         raise click.UsageError("either --leak-rate VALUE or --closed")

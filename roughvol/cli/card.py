@@ -46,9 +46,13 @@ def card(
     if found.notice:
         say(found.notice, err=True)
     if as_json or len(found.runs) > 1:  # one card alone has its limits below
-        each = [(words, name, one) for (_, words), runs in found.runs.items() for name, one in runs.items()]
-        named = [", ".join(filter(None, (words, name))) for words, name, _ in each]
-        warn_of(*(one.fine.dataset for _, _, one in each), named=named)
+        finest = {  # several loads have one run
+            ", ".join(filter(None, (words, name))): runs.fine.dataset
+            for (_, words), by_surface in found.runs.items()
+            for name, runs in by_surface.items()
+        }
+        for name, results in finest.items():
+            warn_of(results, name)
     if as_json:
         say_json(found.plain())
         return

@@ -31,9 +31,10 @@ def compare(
     check_one_form(as_csv=as_csv, as_json=as_json)
     from roughvol.questions import opened
 
-    runs = [opened(one, changes) for one in run]
+    runs = [opened(name, changes) for name in run]
     found = roughvol.compare(runs, states)
-    warn_of(*(one.dataset for one in runs), named=[one.name for one in runs])
+    for name, results in {stored.name: stored.dataset for stored in runs}.items():
+        warn_of(results, name)
     if as_csv or as_json:
         warn(found.left_out)
         say_numbers("compare", *found.records(), as_csv=as_csv)

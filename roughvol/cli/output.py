@@ -65,10 +65,9 @@ def warn(sentences: Iterable[str]) -> None:
         say(f"warning: {sentence}", err=True)
 
 
-def warn_of(*runs: Dataset, named: Sequence[str] = ("",)) -> None:
-    """Print the stored warnings of runs behind their names: limits that their states exceed, and doubtful input."""
-    lines = zip(named, (str(run.attrs.get("warnings", "")).splitlines() for run in runs), strict=True)
-    warn(": ".join(filter(None, (name, line))) for name, each in lines for line in each)
+def warn_of(run: Dataset, name: str = "") -> None:
+    """Print the stored warnings of a run, behind its name: limits that its states exceed, and doubtful input."""
+    warn(f"{name}: {line}" if name else line for line in str(run.attrs.get("warnings", "")).splitlines())
 
 
 def is_seen() -> bool:

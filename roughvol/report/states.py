@@ -14,7 +14,7 @@ from roughvol.analysis.at import State
 from roughvol.analysis.average import IN_WORDS, average, is_flow
 from roughvol.analysis.seal import LEAKS, UNKNOWN
 from roughvol.analysis.tables import Table, by_direction, number
-from roughvol.observables.variables import columns
+from roughvol.observables.variables import QUANTITIES, columns
 from roughvol.typing import Array
 
 P = "mean_pressure"
@@ -128,7 +128,7 @@ class States:
         for name in LEAKS.values():
             if name in self.columns and name in row.data:
                 seal, sheets = (row.data[name].attrs[key] for key in ("seal", "sheets"))
-                return f"Q_seal is the leak of the seal of {seal}: the median of {sheets} {SHEETS}"
+                return f"{QUANTITIES[name].symbol} is the leak of the seal of {seal}: the median of {sheets} {SHEETS}"
         return str(row.state.data.attrs.get(UNKNOWN, ""))
 
     def _by_run(self, words_of: Callable[[Row], str]) -> dict[str, str]:

@@ -298,6 +298,8 @@ def test_a_seal_of_a_gas_alone_turns_its_patches_as_beside_a_liquid(tmp_path: Pa
     of_gas = both.drop_vars([name for name in both if str(name).startswith(("transmissivity", "leak_rate"))])
     leaks = [screen.records(Run.of("joint", ds), [parse(AT)]).frame()["seal_gas_leak_rate"] for ds in (both, of_gas)]
     assert_allclose(*leaks, rtol=1e-12)
+    (table,), _ = screen.shown_at(Run.of("joint", of_gas), [parse(AT)])
+    assert "Q_g,seal is the leak of the seal" in table.note
 
 
 def test_a_seal_of_a_gas_alone_leaks_the_gas_in_its_unit_and_names_the_leg_that_closes_it(tmp_path: Path) -> None:
