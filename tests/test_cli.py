@@ -226,12 +226,13 @@ def test_bad_study_is_refused_in_words(here: Path, text: str, expected: list[str
     assert [path.name for path in here.iterdir()] == ["bad.yaml"]
 
 
-def test_an_empty_folder_is_refused_and_nothing_is_written(here: Path) -> None:
-    """It is that of a variable of the shell without a value; the current folder is a dot."""
+def test_an_empty_folder_and_a_file_are_refused_and_nothing_is_written(here: Path) -> None:
+    """An empty text is that of a variable of the shell without a value; the current folder is a dot."""
     text = "surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 1}"
     Path("s.yaml").write_text(text)
     for command in (("run", "s.yaml"), ("card", "s.yaml"), ("check", "s.yaml", "--look")):
-        assert "--out': must be a folder" in refused(*command, "--out", "")
+        for folder in ("", "card.pdf"):
+            assert "--out': must be a folder" in refused(*command, "--out", folder)
     with pytest.raises(FolderError, match="given an empty text"):
         roughvol.run("s.yaml", out="", jobs=1)
     assert [path.name for path in here.iterdir()] == ["s.yaml"]

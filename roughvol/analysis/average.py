@@ -73,6 +73,7 @@ def average(name: str, values: ArrayLike) -> Average:
 def averages(surfaces: Dataset, over: str = "seed") -> Dataset:
     """Return each variable without a dimension, beside ``<name>_range`` along ``bound`` and ``<name>_count``."""
     found: dict[str, DataArray] = {}
+    surfaces = surfaces.drop_vars("bound", errors="ignore")  # of an ensemble, one end may be chosen
     for key, variable in surfaces.data_vars.items():
         name = str(key)
         if over not in variable.dims or variable.dtype.kind not in "fib":

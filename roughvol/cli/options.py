@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 Decorated = Callable[..., Any]
 Completed = list[CompletionItem] | list[str]
+FILES = (".csv", ".html", ".json", ".nc", ".pdf", ".png", ".svg", ".yaml")  # suffixes of what commands write
 
 
 def examples(*lines: str) -> str:
@@ -128,7 +129,9 @@ def out(default: str) -> Callable[[Decorated], Decorated]:
 
 
 def _folder(_: click.Context, __: click.Parameter, text: str | None) -> Path | None:
-    """Return a folder; refuse an empty text, as of a variable of the shell that is not set."""
+    """Return a folder; refuse an empty text, as of a variable of the shell that is not set, and the name of a file."""
     if text == "":
         raise click.BadParameter("must be a folder, as . or runs/other, given an empty text")
+    if text and Path(text).suffix.lower() in FILES and not Path(text).is_dir():
+        raise click.BadParameter(f"must be a folder, which holds files of fixed names, given {text!r}")
     return None if text is None else Path(text)
