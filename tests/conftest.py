@@ -92,25 +92,6 @@ def _read_once() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _draw_sheets_once() -> Iterator[None]:
-    """Draw the sheets of the same patches once in a session: card, page and JSON ask for them again."""
-    from roughvol.analysis import seal
-
-    drawn = seal.drawn
-    known: dict[tuple[object, ...], Any] = {}
-
-    def remembered(along: Any, across: Any, *others: Any, **named: Any) -> Any:
-        key = (along.tobytes(), across.tobytes(), *others, *named.items())
-        if key not in known:
-            known[key] = drawn(along, across, *others, **named)
-        return known[key].copy()
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(seal, "drawn", remembered)
-        yield
-
-
-@pytest.fixture(scope="session", autouse=True)
 def _press_trials_once() -> Iterator[None]:
     """Press the trial surfaces of an ensemble once in a session: every run that goes on presses them again."""
     from roughvol.campaign import rounds

@@ -40,6 +40,7 @@ from roughvol.analysis.legs import first_leg
 from roughvol.analysis.tables import number
 from roughvol.ensemble.multilevel import COVERAGE, half_width
 from roughvol.errors import DatasetError, StudyError
+from roughvol.gap import sheet
 from roughvol.observables.variables import QUANTITIES
 from roughvol.store.dataset import Dataset
 from roughvol.study import Region, Seal, Study
@@ -113,8 +114,6 @@ def conductance_of(values: Array, patches: tuple[int, int], *, isotropic: bool, 
     those in a row along the flow, and side by side. With ``isotropic``, both numbers of a patch are drawn for both
     directions.
     """
-    from roughvol.gap import sheet  # the solver of a flow is imported for seals alone
-
     return _estimate(values, patches, isotropic, sheet.conductance, np.mean, draws)
 
 
@@ -132,8 +131,6 @@ def of_one_map(whole: Array, quadrants: Array, patches: tuple[int, int], *, isot
 
 def closing_of(values: Array, patches: tuple[int, int], *, isotropic: bool) -> Estimate:
     """Return the load at which a seal closes, from those of its patches; arguments as for `conductance_of`."""
-    from roughvol.gap import sheet
-
     return _estimate(values, patches, isotropic, sheet.closing, np.max, DRAWS)
 
 
@@ -141,14 +138,14 @@ def drawn(
     along: Array,
     across: Array,
     patches: tuple[int, int],
-    of: Callable[..., float],
+    of: Callable[..., Array],
     together: Callable[..., Array] = np.mean,
     draws: int = DRAWS,
     seed: int = 0,
 ) -> Array:
     """Return a number of sheets, shape (draws,), whose patches are drawn from pools along and across the flow.
 
-    ``of`` is the number of a sheet, as `sheet.closing`; ``together`` that of rings side by side, as `numpy.max`.
+    ``of`` gives the number of each sheet, as `sheet.closing`; ``together`` that of rings side by side, as `numpy.max`.
     """
     n, m = patches
     if n > ROW:
@@ -161,9 +158,8 @@ def drawn(
         return np.full(draws, along[0])
     rng, ring = np.random.default_rng(seed), m > 2 * RING
     columns = RING if ring else m
-    found = np.array(
-        [of(rng.choice(along, (n, columns)), rng.choice(across, (n - 1, columns)), ring=ring) for _ in range(draws)]
-    )
+    each = [(rng.choice(along, (n, columns)), rng.choice(across, (n - 1, columns))) for _ in range(draws)]
+    found = of(*map(np.stack, zip(*each, strict=True)), ring=ring)
     if not ring:
         return found
     rings = min(round(m / RING), SIDE_BY_SIDE)
@@ -174,7 +170,7 @@ def _estimate(
     values: Array,
     patches: tuple[int, int],
     isotropic: bool,
-    of: Callable[..., float],
+    of: Callable[..., Array],
     together: Callable[..., Array],
     draws: int,
 ) -> Estimate:
