@@ -74,7 +74,7 @@ def called(*words: str | Path, cwd: Path | None = None) -> str:
 
 def uv(*words: str | Path, cwd: Path | None = None) -> str:
     """Return the output of uv, which resolves lowest versions as well as newest ones."""
-    return called(sys.executable, "-m", "uv", "--quiet", *words, cwd=cwd)
+    return called(sys.executable, "-m", "uv", "--quiet", "--system-certs", *words, cwd=cwd)
 
 
 def extract(archive: Path, folder: Path) -> None:
