@@ -116,9 +116,9 @@ def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
         elif key.startswith(WAYS):
             after = np.where(share == 0.0, before, np.fmax(before, after))
         values[str(name)] = (("seed", *along), after, variable.attrs)
-    kept = {name: v for name in group.coords if (v := group.variables[name]).dims in ((), ("seed",), ("axis",))}
-    coords = {name: (v.dims, v.values[rows] if v.dims == ("seed",) else v.values) for name, v in kept.items()}
-    return Dataset(values, coords)
+    others = [name for name in group.coords if group.variables[name].dims not in ((), ("seed",), ("axis",))]
+    # labels that have an index keep it: for a new one xarray imports pint, which takes as long as all the rest
+    return group.coords.to_dataset().drop_vars(others).isel({"seed": rows}, missing_dims="ignore").assign(values)
 
 
 @dataclass(frozen=True)

@@ -304,6 +304,6 @@ def surfaces(run: Dataset) -> list[tuple[str, Dataset]]:
     found = []
     for label, group in groups(first_leg(table)):
         for place in range(group.sizes["seed"]):
-            surface = group.isel(seed=place)
-            found.append((label if "case" in run.dims else f"seed {int(surface['seed'])}", surface))
+            name = label if "case" in run.dims else f"seed {int(group['seed'][place])}"
+            found.append((name, group.isel(seed=place).drop_vars("seed", errors="ignore")))
     return found
