@@ -37,7 +37,7 @@ FIELD_BYTES = 16  # per node and stored field
 FILE_BYTES, STEP_BYTES = 1.2e5, 700  # of the file of a case without fields: at most, and in addition for each step
 SMALL = 1e9  # never refused up to here: the estimate is rough
 SPARED = 0.9  # largest share of the available memory
-TIMED_UP_TO = 1025  # nodes a side; times of larger grids are scaled as N² log N
+TIMED_UP_TO, STRIP = 1025, 64  # nodes a side of a grid that is timed, and across a strip of a larger grid
 START = 2.5  # seconds: processes start and import
 LONG = 30 * 86400.0  # seconds of a run that draws a warning
 ROUGH = 1e-7  # seconds a state and node at least, to skip the timing of short runs
@@ -247,15 +247,24 @@ def choices(study: Study, jobs: int | None = None) -> list[Choice]:
 
 @functools.cache
 def seconds_per_convolution(shape: Shape, sides: Sides = "free") -> float:
-    """Return the seconds of one convolution, timed on this grid, or scaled from `TIMED_UP_TO`."""
-    timed = (min(shape[0], TIMED_UP_TO), min(shape[1], TIMED_UP_TO))
-    half_space = HalfSpace(timed, sides=sides)
-    pressure = np.ones(timed)
+    """Return the seconds of one convolution, timed on this grid.
+
+    Of a larger grid, strips along both axes are timed, without what they share: each side has its own prime factors.
+    """
+    rows, columns = shape
+    if max(shape) <= TIMED_UP_TO:
+        return _timed(shape, sides)
+    high, wide = min(rows, STRIP), min(columns, STRIP)
+    parts = (rows, wide), (high, columns), (high, wide)
+    down, across, shared = (_timed(part, sides) / math.prod(part) for part in parts)
+    return (down + across - shared) * rows * columns
+
+
+def _timed(shape: Shape, sides: Sides) -> float:
+    half_space, pressure = HalfSpace(shape, sides=sides), np.ones(shape)
     half_space.displacement(pressure)  # plans
     # processor time: on a busy machine others take most of the time of a clock
-    seconds = min(timeit.repeat(lambda: half_space.displacement(pressure), timer=time.process_time, number=1, repeat=5))
-    size, timed_size = math.prod(shape), math.prod(timed)
-    return seconds * size * math.log(size) / (timed_size * math.log(timed_size))
+    return min(timeit.repeat(lambda: half_space.displacement(pressure), timer=time.process_time, number=1, repeat=5))
 
 
 def _size(number: float) -> str:

@@ -17,7 +17,8 @@ from roughvol.contact.options import Tuning
 from roughvol.typing import Array, Index
 
 _LEAST_PART = 24  # products with matrices of 20 to 40 take about the time of the FFT that they spare
-_FAST_PRIMES = (2, 3, 5, 7, 11, 13)  # FFTW has code of its own for them
+_MOST_PRODUCTS = 600  # of an element and a matrix; an FFT of a large prime takes their time
+_LARGEST_FAST = 13  # prime for which FFTW has code of its own
 
 
 class Cosines:
@@ -29,7 +30,7 @@ class Cosines:
     multiplies V_k by i^(ak) e^(-iπk/2n): its real and imaginary parts are X_k and X_(n-k) in some order, up to signs.
 
     V is a product with real matrices and a complex FFT: n = p q, value number b + q a, wave number c + p d, c ≤ p/2.
-    The large prime factors are in p, as FFTW has no fast code for them. 1025 = 41 · 25.
+    Large prime factors are in p, as FFTW has no fast code for them: 1025 = 41 · 25. Very large ones are in q.
 
     `element` (q, p) is the element in each place of a buffer. `wave` (q, p // 2 + 1, 2) has the k of the real and the
     imaginary part of each wave; n where the part is always zero.
@@ -136,18 +137,25 @@ def cosines(nodes: int, dtype: np.dtype[Any]) -> Cosines | FoldedCosines:
 
 
 def _matrix_size(nodes: int) -> int:
-    """Return p of `Cosines`: the least divisor from 24 on that leaves fast primes in n/p, or n."""
-    for p in range(_LEAST_PART, nodes):
-        if nodes % p == 0 and _is_fast(nodes // p):
-            return p
-    return nodes
+    """Return p of `Cosines`: the least divisor from 24 on that leaves fast primes in n/p, or n.
+
+    Where these are too many products, p is n over its largest prime factor.
+    """
+    divisors = (p for p in range(_LEAST_PART, nodes) if nodes % p == 0)
+    p = next((p for p in divisors if _largest_prime(nodes // p) <= _LARGEST_FAST), nodes)
+    products = p / 2 if p == nodes else p  # of `FoldedCosines`, or of `Cosines`
+    return p if products <= _MOST_PRODUCTS else nodes // _largest_prime(nodes)
 
 
-def _is_fast(number: int) -> bool:
-    for prime in _FAST_PRIMES:
-        while number % prime == 0:
-            number //= prime
-    return number == 1
+def _largest_prime(number: int) -> int:
+    """Return the largest prime factor, 1 of 1."""
+    factor = 2
+    while factor * factor <= number:
+        if number % factor:
+            factor += 1
+        else:
+            number //= factor
+    return number
 
 
 class MirroredConvolution(Convolution):

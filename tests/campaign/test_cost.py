@@ -193,6 +193,15 @@ def test_time_that_others_take_is_no_cost(monkeypatch: pytest.MonkeyPatch) -> No
     cost.seconds_per_convolution.cache_clear()
 
 
+def test_the_time_of_a_large_grid_is_that_of_strips_along_both_axes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A node of a line of n has n units of time here."""
+    monkeypatch.setattr(cost, "_timed", lambda shape, sides: sum(shape) * math.prod(shape) * 1e-9)
+    for shape in ((1025, 3), (2053, 1801), (3000, 40)):
+        cost.seconds_per_convolution.cache_clear()
+        assert cost.seconds_per_convolution(shape) == pytest.approx(sum(shape) * math.prod(shape) * 1e-9)
+    cost.seconds_per_convolution.cache_clear()
+
+
 def test_check_has_the_cost_of_each_accuracy() -> None:
     found = choices(loads("surface: {D: 2.6, m: 8, seeds: 4}"), jobs=1)
     assert [one.name for one in found] == list(ACCURACY)
