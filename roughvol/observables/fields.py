@@ -75,11 +75,10 @@ def means(view: View) -> Values:
 
 
 def transmissivity_within(view: View) -> Values:
-    """Return the flow with g³ through each square over that of plates."""
-    gap = view.whole.gap()
-    axes, accuracy = range(len(AXES)), flow_accuracy(view.case.record)
-    flows = [
-        [transport.conduction(gap[inside], axis, accuracy=accuracy).coefficient for axis in axes]
-        for inside in _windows(view)
-    ]
+    """Return the flow with g³ through each square over that of plates; a square of a whole period is the period."""
+    gap, accuracy, flows = view.whole.gap(), flow_accuracy(view.case.record), []
+    for part in (gap[inside] for inside in _windows(view)):
+        whole = view.case.periodic and part.shape == gap.shape
+        both = [transport.conduction(part, axis, periodic=whole, accuracy=accuracy) for axis in range(len(AXES))]
+        flows.append([flow.coefficient for flow in both])
     return {"transmissivity_within": flows}

@@ -66,6 +66,14 @@ def test_a_region_of_a_rectangle_is_measured_on_its_own_sides(axis):
     assert (rows, columns) == expected[axis]
 
 
+def test_the_flow_through_the_widest_square_of_a_period_is_that_of_the_period():
+    record = "record: {transport: {transmissivity: every-step}, region_widths: {transmissivity: every-step}}"
+    found = answer("surface: {D: 2.3, m: 4, seeds: [1], sides: periodic}\nsweep: {contact_areas: 0.2}\n" + record)
+    widest = found.transmissivity_within.sel(region_width=1.0)
+    assert (found.transmissivity > 0.0).all()
+    assert_allclose(widest.transpose(*found.transmissivity.dims), found.transmissivity, rtol=1e-4)
+
+
 def test_fluxes_outside_the_region_are_missing():
     found = run_case(case_of("sweep: {steps: 1}\nrecord: {region: interior, transport: {flux_at: last}}"))
     known = found.flux.sel(axis="y").squeeze().notnull().values
