@@ -69,7 +69,9 @@ def _every(study: Study) -> int:
 
 
 def _exact(target: Target, study: Study) -> bool:
-    """Return whether a mean needs no interpolation: at a solved state, also at the end of a sweep to percolation."""
+    """Return whether a mean needs no interpolation: at a solved state, also where the void closes."""
     if target.state == PERCOLATION:
-        return study.sweep.target.kind == CLOSING[target.stored]
+        transport = study.record.transport
+        solved = transport is not None and transport.closing and not study.material.yields
+        return bool(solved) or study.sweep.target.kind == CLOSING[target.stored]
     return target.state.value is None or study.sweep.legs[0].step_of(target.state) is not None

@@ -25,12 +25,14 @@ from roughvol.study.values.units import unit_of
 from roughvol.typing import Array
 
 PERCOLATION = Level("percolation")  # state of the closing pressures, which belong to no state of the study
+SOLVED = "closing_pressure"  # p* by axis
 OF_VOID = ("percolates", "connected_volume_fraction", "transmissivity")  # of the numbers along the steps
 
 SMALLEST = 1e-150  # half-width in place of 0, for a relative accuracy of a mean of 0; its square is a number > 0
 
 Arrays = Mapping[str, tuple[tuple[str, ...], NDArray[Any]]]  # stored variables of a case: dimensions and values
-Series = Mapping[str, Array]  # Sq (1,), and quantities along the steps (steps + 1,); percolates (steps + 1, axes)
+# Sq (1,); closing_pressure (axes,); quantities along the steps (steps + 1,), percolates (steps + 1, axes)
+Series = Mapping[str, Array]
 
 
 @dataclass(frozen=True)
@@ -77,8 +79,8 @@ def series_of(arrays: Arrays) -> Series:
         return np.concatenate([np.full((1, *steps.shape[1:]), first), steps])
 
     series = {name: along(name, 0.0) for name in OF_STATE}
-    if "Sq" in arrays:
-        series["Sq"] = np.ravel(np.asarray(arrays["Sq"][1], dtype=np.float64))
+    for name in (name for name in ("Sq", SOLVED) if name in arrays):
+        series[name] = np.ravel(np.asarray(arrays[name][1], dtype=np.float64))
     touch = series["indentation"][1] + series["separation"][1]  # d/σ at first touch, equal to V* there
     series["separation"][0] = series["free_volume"][0] = touch
     own = [name for name in arrays if VARIABLES[name].observable == "own" and arrays[name][0][-1] == "step"]
@@ -117,7 +119,7 @@ def value_at(series: Series, stored: str, state: Level, case: Case) -> float:
 def error_at(series: Series, stored: str, state: Level, case: Case, every: int) -> float:
     """Return the signed error of a quantity at a state with every k-th step alone, k ≥ 2; 0 where a step is it."""
     if stored in CLOSING:
-        if case.sweep.legs[0].target.kind == CLOSING[stored]:
+        if case.sweep.legs[0].target.kind == CLOSING[stored] or math.isfinite(_solved(series, stored)):
             return 0.0
         pressure, closed = series["mean_pressure"], _closed(series, stored)
         kept = kept_steps(pressure.size, every)
@@ -166,10 +168,12 @@ def _require_reached(series: Series, along: Array, state: Level, starred: float,
 
 
 def _closing_pressure(series: Series, stored: str, case: Case) -> float:
-    """Return p* at which the void closes: that of the end of a sweep to percolation, else a middle of two steps."""
+    """Return p* at which the void closes: at the end of a sweep to percolation, solved, or the middle of two steps."""
     pressure, end = series["mean_pressure"], CLOSING[stored]
     if case.sweep.legs[0].target.kind == end:
         return float(pressure[-1])
+    if math.isfinite(solved := _solved(series, stored)):
+        return solved
     closed = _closed(series, stored)
     if not closed[-1]:
         message = (
@@ -180,12 +184,21 @@ def _closing_pressure(series: Series, stored: str, case: Case) -> float:
     return _middle(pressure, closed)
 
 
+def _solved(series: Series, stored: str) -> float:
+    """Return the solved p* at which the last way closes along the axes of a closing pressure; NaN without one."""
+    return float(series[SOLVED][_axes(stored)].max()) if SOLVED in series else math.nan
+
+
 def _closed(series: Series, stored: str) -> Array:
     """Return whether no way is left at each step along the axes of a closing pressure."""
-    axis = CLOSING[stored].removeprefix("percolation-")
-    ways = series["percolates"][:, [k for k, name in enumerate(AXES) if axis in (name, "both")]]
-    closed: Array = ways.max(axis=1) == 0.0
+    closed: Array = series["percolates"][:, _axes(stored)].max(axis=1) == 0.0
     return closed
+
+
+def _axes(stored: str) -> list[int]:
+    """Return the axes of a closing pressure."""
+    axis = CLOSING[stored].removeprefix("percolation-")
+    return [k for k, name in enumerate(AXES) if axis in (name, "both")]
 
 
 def _middle(pressure: Array, closed: Array) -> float:

@@ -11,6 +11,7 @@ from roughvol.campaign.execution import run
 from roughvol.campaign.one_case import run_case
 from roughvol.ensemble import design
 from roughvol.ensemble.samples import SampleTable
+from roughvol.ensemble.step_error import trial
 from roughvol.ensemble.targets import PERCOLATION, Arrays, Series, error_at, series_of, targets_of, value_at
 from roughvol.errors import StudyError
 from roughvol.store import dataset
@@ -53,6 +54,19 @@ def test_the_pressure_at_which_the_void_closes_is_that_of_a_sweep_to_percolation
         assert error_at(*of_exact, 2) == 0.0
         assert abs(middle - exact) <= 0.5 * steps.max() * (1.0 + 1e-9)
         assert abs(error_at(*of_case, 2)) <= steps.max()
+
+
+def test_a_solved_closing_pressure_is_the_pressure_at_which_the_void_closes() -> None:
+    record = "record: {transport: {percolation: every-step, closing: true}}"
+    for end in ("{pressure: 40}", "mean-plane"):  # closed between two steps, and still open at the last
+        case = _case(end, 4, record)
+        solved = _arrays(case)["closing_pressure"][1].ravel()
+        for name, expected in (("", solved.max()), ("_x", solved[0]), ("_y", solved[1])):
+            of_case = (_series(case), f"percolation_pressure{name}", PERCOLATION, case)
+            assert value_at(*of_case) == expected
+            assert error_at(*of_case, 2) == 0.0
+    asked = "ensemble: {accuracy: {percolation_pressure_x: 5 %}}"
+    assert not trial(loads(f"surface: {{D: 2.3, m: 4}}\nsweep: {{to: {{pressure: 40}}}}\n{record}\n{asked}"))
 
 
 def test_the_last_step_is_the_end_of_its_sweep_even_if_its_solve_falls_short() -> None:
