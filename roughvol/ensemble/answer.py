@@ -17,6 +17,7 @@ from roughvol.observables.variables import DTYPES, MISSING, VARIABLES
 from roughvol.study.values.durations import duration
 
 Values = dict[str, tuple[tuple[str, ...], Any]]
+DRY = "record.fluid_pressure lifts the gap; all means are those of the gap without fluid pressure"
 
 
 def variables(design: Design) -> Values:
@@ -98,7 +99,9 @@ def sentences(design: Design) -> list[str]:
     for D, estimates in design.estimates.items():
         lines.append(_cost_sentence(D, design.table, estimates))
         lines += [_interpolation_remark(estimate) for estimate in estimates]
-    lines += [_steps_sentence(design.table.study.sweep.steps, design.steps), design.stopped]
+    study = design.table.study
+    lines += [_steps_sentence(study.sweep.steps, design.steps), design.stopped]
+    lines.append(DRY if study.record.fluid_pressure is not None else "")
     return list(dict.fromkeys(filter(None, lines)))
 
 

@@ -2,7 +2,7 @@
 
 A quantity at a state that the sweep defines, or that a step reaches (`observables.levels`), is that of the step.
 Between two steps it is interpolated by `observables.at_state`. The step before the first is first touch. There
-all void is connected; the transmissivity of that state is not stored.
+all void is connected; the transmissivity of that state, and the free volume of a region, are not stored.
 """
 
 from __future__ import annotations
@@ -103,14 +103,15 @@ def value_at(series: Series, stored: str, state: Level, case: Case) -> float:
     if step is None:
         starred = _starred(series, state, case)
         _require_reached(series, along, state, starred, case)
-        value = float(at_state(along, quantity, starred)[0])
+        value = float(at_state(*_curve(series, stored, state, case), starred)[0])
     else:
         value = float(quantity[step])
     if not math.isfinite(value):
-        reason = "no way is left along x or y" if stored in RECORDED_BY else "its function returns no finite number"
+        reason = "" if stored in OF_STATE else "its function returns no finite number there, or "
+        reason = "no way is left along x or y there, or " if stored in RECORDED_BY else reason
         message = (
-            f"has no value at {state.label} on {case.label}: {reason} there, or the first step "
-            "of the sweep lies beyond it; ask at other states, or take more sweep.steps"
+            f"has no value at {state.label} on {case.label}: {reason}the first step of the sweep lies beyond it; "
+            "ask at other states, or take more sweep.steps"
         )
         raise StudyError([Problem(message, f"ensemble.accuracy.{stored}")])
     return value
@@ -131,7 +132,20 @@ def error_at(series: Series, stored: str, state: Level, case: Case, every: int) 
     if step is not None and step in kept_steps(len(along), every):
         return 0.0
     value = _starred(series, state, case) if step is None else float(along[step])
-    return error_of_fewer_steps(along, series[stored], value, every)
+    return error_of_fewer_steps(*_curve(series, stored, state, case), value, every)
+
+
+def _curve(series: Series, stored: str, state: Level, case: Case) -> tuple[Array, Array]:
+    """Return the quantity of a state, and a stored quantity, at the steps between which a surface is read off.
+
+    A region may be unloaded at several steps: a pressure or a contact area is read off from the last of these on. The
+    free volume of a region at first touch of the whole surface is not known.
+    """
+    along, quantity = series[stored_name(state.kind)], series[stored]
+    if stored == "free_volume" and case.record.region is not None:
+        quantity = np.append(math.nan, quantity[1:])
+    begins = max(int(np.argmax(along > 0.0)) - 1, 0) if state.kind in ("pressure", "contact_area") else 0
+    return along[begins:], quantity[begins:]
 
 
 def _starred(series: Series, state: Level, case: Case) -> float:

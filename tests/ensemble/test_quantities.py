@@ -123,6 +123,28 @@ def test_a_state_before_the_first_step_or_without_a_way_has_no_coefficient() -> 
         value_at(_series(closed), "log_leak_rate", Level("last"), closed)
 
 
+@pytest.mark.parametrize("name", ["free_volume", "separation"])
+def test_a_region_is_read_off_from_its_last_unloaded_step_on(name: str) -> None:
+    surface = "surface: {D: 2.3, m: 4, seeds: [11]}\nrecord: {region: interior}\nsweep: "
+    (case,) = loads(surface + "{steps: 8, to: {pressure: 1}}").cases()
+    series = _series(case)
+    loaded = int(np.argmax(series["mean_pressure"] > 0.0))
+    assert loaded == 4
+    light = 0.5 * float(series["mean_pressure"][loaded])
+    (solved,) = loads(f"{surface}{{pressures: {light}}}").cases()
+    found = value_at(series, name, Level("pressure", light), case)
+    assert found == pytest.approx(_series(solved)[name][-1], rel=0.05)
+
+
+def test_the_free_volume_of_a_region_before_the_first_step_is_not_known() -> None:
+    text = "surface: {D: 2.3, m: 4, seeds: [1]}\nrecord: {region: interior}\nsweep: {steps: 2, to: {pressure: 1}}"
+    (case,) = loads(text).cases()
+    light = Level("pressure", 0.5 * float(_series(case)["mean_pressure"][1]))
+    assert light.value
+    with pytest.raises(StudyError, match=r"free_volume: has no value at pressure=\S+ on .*: the first step"):
+        value_at(_series(case), "free_volume", light, case)
+
+
 def test_a_quantity_without_a_state_has_a_state_of_its_own() -> None:
     for asked, states in (
         ("free_volume: 5 %, percolation_pressure: 5 %", ["last", "percolation"]),
@@ -142,6 +164,13 @@ def test_the_mean_of_a_quantity_of_the_void_is_stored(tmp_path: Path, small: Non
     last = results.mean_pressure.isel(step=-1, m=-1).squeeze("D").dropna("seed")
     assert abs(closing.percolation_pressure_mean.item() / float(last.mean()) - 1.0) < 0.5
     assert "mean p_c*, D = 2.3, m = 3" in results.attrs["answer"]
+
+
+def test_a_mean_beside_fluid_pressure_is_said_to_be_without_it(tmp_path: Path, small: None) -> None:
+    record = "record: {transport: {transmissivity: every-step}, fluid_pressure: {inlet: 0.01, at: last}}\n"
+    text, asked = "surface: {D: 2.3, m: 3}\nsweep: {steps: 2}\n", "ensemble: {accuracy: {transmissivity: 50 %}}"
+    answer = run(loads(text + record + asked), out=tmp_path, jobs=1).attrs["answer"]
+    assert "all means are those of the gap without fluid pressure" in answer
 
 
 LISTED = """surface: {D: 2.3, m: 3, seeds: 3}
