@@ -44,6 +44,7 @@ from roughvol.typing import Array
 
 UNKNOWNS = ("pressure", "modulus", "Sq")
 ONE_OF_EACH = ("D", "m", *LISTED)  # the surfaces of an answer are seeds or files
+SOLVES_CLOSING = "record.transport.closing=true"
 AROUND = 5  # loads of a study that narrows an answer, along each axis
 
 
@@ -318,7 +319,8 @@ def narrower(run: Dataset, answers: Sequence[Answer], *, closed: bool) -> list[s
     """Return the changes of the study, a name and a sweep, that solve states around the answers; for ``--set``.
 
     If the joint is asked to be ``closed``, its closing load is solved in the place of the states. Where an answer lies
-    beyond the stored loads, the sweep goes on to its closing. Empty if the study does not take the changes.
+    beyond the stored loads, the sweep goes on to its closing; so it does for a surface that yields, whose closing is
+    solved within the sweep alone. Empty if the study does not take the changes.
     """
     unit = str(run["nominal_pressure"].attrs["units"]) if "nominal_pressure" in run else ""
     nominal = [answer.nominal for answer in answers if answer.found and answer.nominal.low < answer.nominal.high]
@@ -326,13 +328,14 @@ def narrower(run: Dataset, answers: Sequence[Answer], *, closed: bool) -> list[s
         {float(f"{load:.5g}") for reading in nominal for load in np.geomspace(reading.low, reading.high, AROUND)}
     )
     beyond, possible = any(map(is_beyond, answers)), list[str]()
-    if closed and closing.SOLVED not in run and (found or beyond):
-        possible = ["record.transport.closing=true"]
-    elif beyond and not closed:  # a study of listed loads or of legs has no key sweep.to
+    farther = beyond and (not closed or "plastic_volume" in run)
+    if closed and closing.SOLVED not in run and (found or beyond) and not farther:
+        possible = [SOLVES_CLOSING]
+    elif farther:  # a study of listed loads or of legs has no key sweep.to
         possible = ["sweep.to=percolation", f"sweep={{steps: {run.sizes['step']}, to: percolation}}"]
     elif found and not beyond:
         possible = [f"sweep={{pressures: [{', '.join(f'{load:g} {unit}'.strip() for load in found)}]}}"]
-    suffix = "closer" if not beyond else "closing" if closed else "farther"
+    suffix = "farther" if farther else "closing" if beyond else "closer"
     text = str(run.attrs.get("study", ""))
     for change in possible:
         try:

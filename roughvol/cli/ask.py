@@ -68,7 +68,7 @@ def ask(
     """
     if (leak_rate is None) == (not closed):
         raise click.UsageError("either --leak-rate VALUE or --closed")
-    from roughvol.analysis.read_off import is_beyond, is_throughput
+    from roughvol.analysis.read_off import SOLVES_CLOSING, is_beyond, is_throughput
 
     found = roughvol.ask(run, leak_rate=leak_rate, unknown=unknown, at=state, budget=budget, jobs=jobs, changes=changes)
     warn_of(found.run.dataset)
@@ -87,7 +87,7 @@ def ask(
     for line in beyond(found.run, has_errors=errors, offered=offered):
         say(line)
     if (narrower := found.command()) and not (budget and not beyond_loads):
-        longer = "A solved closing load answers" if closed else "A longer sweep answers"
+        longer = "A solved closing load answers" if SOLVES_CLOSING in found.narrower else "A longer sweep answers"
         say(f"{longer if beyond_loads else 'Solved states narrow the interval'}: {narrower}")
 
 

@@ -302,6 +302,8 @@ def test_without_an_answer_the_sweep_goes_on(swept: Dataset, largest: float) -> 
     answers = read_off.ask(swept, 1e-30, "pressure")
     assert read_off.narrower(swept, answers, closed=False)[1] == "sweep.to=percolation"
     assert read_off.narrower(swept, answers, closed=True)[1] == "record.transport.closing=true"
+    yields = swept.assign(plastic_volume=0.0 * swept.free_volume)  # its closing is not solved beyond the sweep
+    assert read_off.narrower(yields, answers, closed=True) == read_off.narrower(swept, answers, closed=False)
     solved = swept.assign(closing_pressure=((*swept.Sq.dims, "axis"), np.full((*swept.Sq.shape, 2), np.inf)))
     assert not read_off.narrower(solved, answers, closed=True)
     listed = swept.assign_attrs(study=loads(TEXT, changes=["sweep={pressures: [0.1 MPa]}"]).to_yaml())
