@@ -81,10 +81,11 @@ class Setting:
     hardness_text: str = ""
     yields: bool = False  # pressures end at the hardness
     drop_text: str = ""  # pressure drop of a leak rate
+    of_gas: bool = False  # the pressure drop is that of a gas
     drop: float = math.nan  # over E*; NaN for a modulus without a unit
     fluid: float = math.nan  # largest mean pressure of a fluid over the ambient, over E*; NaN without one
     fluid_text: str = ""  # its inlet and outlet
-    lifted: bool = False  # fluid pressure lifts the gap at recorded states
+    lifted: bool = False  # the fluid of the pressure drop lifts the gap at recorded states
     thickness: float = math.inf  # of a layer, in the unit of L
     scaled: bool = False  # the ratio of heights to L is that of a real surface
     patch: bool = False  # a free patch that is a sample of a larger joint
@@ -96,7 +97,7 @@ def setting(study: Study) -> Setting:
     """Return the settings of a study for comparison with the limits."""
     surface, material, record = study.surface, study.material, study.record
     wanted, unit = record.dimensional, material.unit
-    (drop, drop_text), (mean, sides) = _fluids(study)
+    (drop, drop_text, of_gas), (mean, sides) = _fluids(study)
     scaled = not isinstance(surface, MadeSurface) or bool(surface.Sq or surface.length_unit)
     scaled = scaled or (isinstance(surface, SpectralSurface) and surface.slope is not None)
     asks = record.transport is not None or wanted is not None or unit is not None
@@ -109,10 +110,11 @@ def setting(study: Study) -> Setting:
         hardness_text=_written(material.hardness, unit),
         yields=material.yields,
         drop_text=drop_text,
+        of_gas=of_gas,
         drop=math.nan if unit is None else convert(drop, "Pa", unit) / material.contact_modulus,
         fluid=math.nan if unit is None else convert(mean, "Pa", unit) / material.contact_modulus,
         fluid_text=sides,
-        lifted=record.fluid_pressure is not None,
+        lifted=record.fluid_pressure is not None and not of_gas,
         thickness=dict(study.kernel(surface.length_unit).lengths).get("thickness", math.inf) if scaled else math.inf,
         scaled=scaled,
         patch=asks and whole and surface.sides == "free",  # others have no rim
@@ -121,25 +123,25 @@ def setting(study: Study) -> Setting:
     )
 
 
-def _fluids(study: Study) -> tuple[tuple[float, str], tuple[float, str]]:
+def _fluids(study: Study) -> tuple[tuple[float, str, bool], tuple[float, str]]:
     """Return the largest pressure drop of the fluids, and their largest mean pressure over the ambient, in Pa.
 
-    Both have their words. Without a fluid they are NaN.
+    Both have their words, and the drop whether it is that of a gas. Without a fluid they are NaN.
     """
     wanted, lift = study.record.dimensional, study.record.fluid_pressure
-    drops, means = list[tuple[float, str]](), list[tuple[float, str]]()
+    drops, means = list[tuple[float, str, bool]](), list[tuple[float, str]]()
     if wanted is not None and (leak := wanted.leak_rate) is not None:
         drop = in_unit(leak.pressure_drop, "Pa")
-        drops.append((drop, str(leak.pressure_drop)))
+        drops.append((drop, str(leak.pressure_drop), False))
         means.append((0.5 * drop, f"inlet {leak.pressure_drop} over the outlet at the ambient"))
     if (fluid := study.fluid) is not None:
         inlet, outlet = fluid.pressures
-        drops.append((inlet - outlet, f"{fluid.inlet} - {fluid.outlet}"))
+        drops.append((inlet - outlet, f"{fluid.inlet} - {fluid.outlet}", True))
         means.append((0.5 * (inlet + outlet) - ATMOSPHERE, f"inlet {fluid.inlet}, outlet {fluid.outlet}, absolute"))
     if lift is not None and unit_of(lift.inlet) is not None:
         mean = 0.5 * (in_unit(lift.inlet, "Pa") + in_unit(lift.outlet, "Pa"))
         means.append((mean, f"inlet {lift.inlet}, outlet {lift.outlet}"))
-    return max(drops, default=(math.nan, "")), max(means, default=(math.nan, ""))
+    return max(drops, default=(math.nan, "", False)), max(means, default=(math.nan, ""))
 
 
 def _written(hardness: float | None, unit: str | None) -> str:
@@ -355,8 +357,7 @@ def _of_states(given: Setting, states: _States) -> Iterator[Finding]:
         }
     words = {name: f"{100.0 * states.highest(each):.3g} %" for name, each in (("contact", contact), ("load", load))}
     words |= {"hardness": given.hardness_text, "fluid": _pressure(given, given.fluid), "sides": given.fluid_text}
-    remedy = "the leak at the states of record.fluid_pressure has it, the dry leak along the steps has not"
-    words |= {"drop": given.drop_text, "remedy": remedy if given.lifted else "record.fluid_pressure computes it"}
+    words |= {"drop": given.drop_text, "remedy": _remedy(given)}
     for key, (number, among) in numbers.items():
         beyond = LIMITS[key].exceeded(number) & among
         if not beyond.any():
@@ -371,6 +372,14 @@ def _of_states(given: Setting, states: _States) -> Iterator[Finding]:
         if (of_cases := among.any(-1).sum()) != 1:
             words["extent"] += f" ({beyond.any(-1).sum()} of {of_cases} cases)"
         yield _finding(key, words, expected=states.expected)
+
+
+def _remedy(given: Setting) -> str:
+    """Return what has the leak of a gap that its fluid widens."""
+    if given.lifted:
+        return "the leak at the states of record.fluid_pressure has it, the dry leak along the steps has not"
+    only = " and ".join(["liquids"] * given.of_gas + ["elastic contact"] * given.yields)
+    return f"record.fluid_pressure computes it{f' for {only} alone' if only else ''}"
 
 
 def _finding(key: str, words: Mapping[str, str], *, expected: bool = False) -> Finding:

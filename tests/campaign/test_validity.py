@@ -247,6 +247,30 @@ def test_the_pressure_of_a_fluid_is_taken_over_the_ambient(fluid: str, mean: flo
     assert "fluid" not in found or sides in found["fluid"].sentence
 
 
+@pytest.mark.parametrize(
+    ("material", "fluid", "remedy"),
+    [
+        ("", LEAK.format("10 bar"), "record.fluid_pressure computes it"),
+        (", hardness: 1 MPa", LEAK.format("10 bar"), "record.fluid_pressure computes it for elastic contact alone"),
+        ("", GAS.format("10 bar", "1 bar"), "record.fluid_pressure computes it for liquids alone"),
+        (
+            ", hardness: 1 MPa",
+            GAS.format("10 bar", "1 bar"),
+            "record.fluid_pressure computes it for liquids and elastic contact alone",
+        ),
+        (
+            "",
+            GAS.format("10 bar", "1 bar")[:-1] + ", fluid_pressure: {inlet: 10 mbar, at: last}}",
+            "record.fluid_pressure computes it for liquids alone",
+        ),
+    ],
+)
+def test_a_pressure_drop_is_said_to_be_computed_where_it_can_be(material: str, fluid: str, remedy: str) -> None:
+    rubber = RUBBER.replace("10 MPa", f"10 MPa{material}")
+    found = _before(f"{rubber}sweep: {{steps: 2, to: {{pressure: 0.19 MPa}}}}\n{fluid}\n")
+    assert found["pressure_drop"].sentence.endswith(f"widen the gap; {remedy}")
+
+
 def test_metal_beyond_the_reach_of_perfect_plasticity_is_named() -> None:
     metal = "surface: {D: 2.3, m: 4, seeds: 1, L: 50 um, Sq: 0.5 um}\nmaterial: {E_star: 78 GPa, hardness: 1 GPa}\n"
     for share, named in ((0.25, False), (0.3, False), (0.31, True), (0.9, True)):
