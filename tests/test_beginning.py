@@ -106,8 +106,8 @@ def test_the_study_of_a_height_map_takes_lists_and_mappings() -> None:
 
 
 def test_a_file_that_is_not_read_is_named_without_the_study_that_is_not_written() -> None:
-    Path("face.gsf").write_bytes(b"Gwyddion Simple Field 1.0\nXRes = 2\n\0\0\0" + bytes(16))
-    told = refused("init", "face.gsf")
+    Path("face.stl").write_bytes(b"solid\0\0\0" + bytes(16))
+    told = refused("init", "face.stl")
     assert "reads; save it as .x3p, or as text of points x y z" in told
     assert "face.yaml" not in told
     assert not Path("face.yaml").exists()

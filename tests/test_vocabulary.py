@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
+import yaml
 
 from roughvol.cli import main
 from roughvol.cli.group import GROUPS
@@ -146,6 +147,18 @@ def test_init_writes_the_study_of_a_height_map(maps: None, file: str, absent: tu
     Path(study).unlink()
     said("init", file, "--set", f"{key}={value}")
     said("run", study, "--set", "sweep.steps=2", "--jobs", "1")
+
+
+@pytest.mark.parametrize(("unit", "written"), [("m", {"unit": "um"}), ("mm", {"unit": "um"}), ("um", {})])
+def test_the_study_of_a_small_map_has_a_unit_of_its_size(maps: None, unit: str, written: dict[str, str]) -> None:
+    metres = {"m": 1.0, "mm": 1e-3, "um": 1e-6}[unit]
+    x, y, z = np.loadtxt("face.xyz").T * 1e-6 / metres
+    np.savetxt("small.csv", np.column_stack([x, y, z]), delimiter=";", header=f"x[{unit}];y[{unit}];z[{unit}]")
+    told = said("init", "small.csv")
+    section = yaml.safe_load(Path("small.yaml").read_text(encoding="utf-8"))["surface"]
+    assert {key: value for key, value in section.items() if key == "unit"} == written
+    assert ("with surface.unit: um, as its L is" in told) == bool(written)
+    assert "L = 22 um" in said("check", "small.yaml")
 
 
 # help and completion

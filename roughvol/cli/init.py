@@ -22,6 +22,8 @@ from roughvol.store import stamped_file
 SCAN = "scan.txt"
 TO_FILL_IN = {"L": "500 um", "unit": "um", "heights_unit": "um"}  # what a height map may lack, with an example
 DECIDED = {"resample": "square", "missing": "interpolate"}  # what oblong pixels and unknown heights need
+READABLE = "um"  # the unit of a study of a map that is far smaller than the unit in its file
+FAR_SMALLER = 0.1
 SIDES = "# sides: mirrored, the map is a part of a joint; free, a block of its size; periodic, one period of a plane"
 HEAD = """# The height map {path}. Give material, end of the sweep and fluid; roughvol explain has all keys.
 #   roughvol check {name}.yaml --look
@@ -120,11 +122,15 @@ def _write_study_of_map(path: Path, example: str, changes: Sequence[str]) -> Non
     absent: dict[str, str] = {}
     while lacking := _lacking(study(absent), f"{name}.yaml", absent.keys() | given["surface"].keys()):
         absent |= {key: (TO_FILL_IN | DECIDED)[key] for key in lacking}
+    if small := _small(study(absent), f"{name}.yaml", absent.keys() | given["surface"].keys()):
+        given["surface"]["unit"] = READABLE
     to_fill_in = {key: f"FILL IN, as {value}" for key, value in absent.items() if key in TO_FILL_IN}
     text = study({key: to_fill_in.get(key, value) for key, value in absent.items()})
     _write_new({f"{name}.yaml": HEAD.format(path=printable(str(path)), name=name) + text})
     for key in filter(DECIDED.get, absent):
         say(f"with surface.{key}: {absent[key]}, which the heights need")
+    if small:
+        say(f"with surface.unit: {READABLE}, as its L is {small} in {path}")
     if to_fill_in:
         say(f"fill in {' and '.join(f'surface.{key}' for key in to_fill_in)}, which {path} does not give")
     say(f"next: roughvol check {name}.yaml --look")
@@ -148,3 +154,15 @@ def _lacking(study: str, file: str, known: Set[str]) -> list[str]:
         if "surface.missing" in str(error) and "missing" not in known:
             return ["missing"]
     return [] if case.length_unit else ["unit"]
+
+
+def _small(study: str, file: str, known: Set[str]) -> str:
+    """Return the length of a map that is far smaller than its unit, which only the file gives; else nothing."""
+    from roughvol.study import loads
+    from roughvol.surfaces.length_units import METRES
+
+    case = loads(study, file).cases()[0]
+    unit = case.length_unit
+    if known & {"L", "unit"} or unit is None or METRES[unit] <= METRES[READABLE] or case.L >= FAR_SMALLER:
+        return ""
+    return f"{case.L:.6g} {unit}"

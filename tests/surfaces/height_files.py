@@ -125,6 +125,14 @@ def surfer_7(heights, x=X, y=Y, version=2, blank=BLANK, between=b""):
     )
 
 
+def simple_field(heights, unit, **other):
+    """Gwyddion Simple Field: rows along x, their size that of all pixels."""
+    nx, ny = heights.shape
+    fields = {"XRes": nx, "YRes": ny, "XReal": PIXEL * nx, "YReal": PIXEL * ny, "XYUnits": unit, "ZUnits": unit} | other
+    head = "Gwyddion Simple Field 1.0\n" + "".join(f"{key} = {value}\n" for key, value in fields.items())
+    return head.encode() + bytes(4 - len(head.encode()) % 4) + heights.T.astype("<f4").tobytes()
+
+
 def nms(heights, dx, dy):
     """NanoFocus: counts of 16 bits between the limits of z, the first line of the image first."""
     low, high = float(heights.min()), float(heights.max())

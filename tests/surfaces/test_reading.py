@@ -30,6 +30,7 @@ from height_files import (
     refused,
     rows,
     same,
+    simple_field,
     surfer_6,
     surfer_7,
     surfer_text,
@@ -64,6 +65,11 @@ def _hdf5(path):
         stored["scan/z"], stored["scan/quality"] = HEIGHTS, np.ones(HEIGHTS.shape)
 
 
+def _matlab_7_3(path):
+    with pytest.importorskip("h5py").File(path, "w") as stored:
+        stored["z"] = HEIGHTS.T  # MATLAB counts the first index fastest
+
+
 # name -> content, and further keys of a study in um; these come back bit for bit
 PLAIN = {
     "z.npy": (npy(HEIGHTS), L),
@@ -92,10 +98,12 @@ PLAIN = {
     "falling.nc": (_gridded("um", falling=True), ""),
     "depths.nc": (_gridded("um", positive="down"), ""),
     "z.h5": (_hdf5, L + ", variable: scan/z"),
+    "matlab-7.3.mat": (_matlab_7_3, L),
     "z.mat": (lambda path: scipy.io.savemat(path, {"z": HEIGHTS, "L": 4.0}), L),
     "text.grd": (surfer_text(HEIGHTS), ""),
     "surfer-6.grd": (surfer_6(HEIGHTS), ""),
     "surfer-7.grd": (surfer_7(HEIGHTS), ""),
+    "field.gsf": (simple_field(HEIGHTS, "um"), ""),
     "image.tif": (lambda path: tifffile.imwrite(path, HEIGHTS.T), L),
     "IMAGE.TIFF": (lambda path: tifffile.imwrite(path, HEIGHTS.T, compression="zlib"), L),
     "tagged.tif": (
@@ -110,6 +118,7 @@ PLAIN = {
     ),
 }
 CONVERTED = {
+    "metres.txt": ("# heights in m\n" + rows(1e-6 * HEIGHTS), L),
     "named.txt": ("# heights in nm\n" + rows(NANOMETRES), L),
     "nanometres.txt": (rows(NANOMETRES), L + ", heights_unit: nm"),
     "gwyddion.txt": (GWYDDION + rows(NANOMETRES.T), ""),
@@ -176,6 +185,7 @@ MISSING = {
     "text.grd": surfer_text(HOLED),
     "surfer-6.grd": surfer_6(HOLED),
     "surfer-7.grd": surfer_7(HOLED),
+    "field.gsf": simple_field(HOLED, "um"),
 }
 
 

@@ -44,6 +44,20 @@ def test_tilted_grooves_are_heights(tmp_path, axis):
     same(put(tmp_path / "grooves.csv", rows(grooves, ";")), grooves)
 
 
+def test_a_coarsely_printed_slope_is_heights(tmp_path):
+    x, y = np.indices((12, 12))
+    slope = np.round(0.31 * x + 0.17 * y + 0.04 * np.sin(3 * x * y), 1)
+    same(put(tmp_path / "slope.txt", rows(slope)), slope)
+
+
+def test_infinite_heights_at_an_edge_are_missing_without_a_warning(tmp_path):
+    same(
+        put(tmp_path / "z.txt", "inf inf 1 2 3\n" + rows(HEIGHTS)),
+        np.vstack([[np.nan] * 2 + [1, 2, 3], HEIGHTS]),
+        holes=True,
+    )
+
+
 def test_rounded_and_shifted_coordinates_are_a_grid(tmp_path):
     points = POINTS + np.array([1e3, -2e3, 0.0])
     points[:, :2] += 1e-10 * np.random.default_rng(2).normal(size=(len(points), 2))
@@ -71,6 +85,14 @@ REFUSED = {
     "ruled.csv": (
         rows(np.vstack([0.5 * np.arange(9), np.cos(np.arange(36.0)).reshape(4, 9)]), ";"),
         "the first line looks like coordinates: delete it",
+    ),
+    "printed.csv": (
+        rows(np.vstack([np.round(np.arange(9) / 3, 1), np.cos(np.arange(36.0)).reshape(4, 9)]), ";"),
+        "the first line looks like coordinates: delete it",
+    ),
+    "printed.txt": (
+        rows(np.column_stack([np.round(np.arange(9) / 7, 2), np.cos(np.arange(36.0)).reshape(9, 4)])),
+        "the first column looks like coordinates: delete it",
     ),
     "size.txt": ("# Scan size: 8 um\n" + TURNED, f"{UNKNOWN}'# Scan size: 8 um'.*header: ignore"),
     "lateral.txt": ("# lateral unit um\n" + TURNED, UNKNOWN),

@@ -35,7 +35,7 @@ from roughvol.surfaces.body import Columns, Header, Levelling, Mirror, Missing, 
 from roughvol.typing import Sides
 
 BARE_FORMATS = (".npy", ".npz")  # formats without size and unit
-HEIGHT_FORMATS = (*BARE_FORMATS, ".nc", ".txt", ".csv", ".xyz", ".dat", ".asc", ".grd", ".tif", ".tiff")
+HEIGHT_FORMATS = (*BARE_FORMATS, ".nc", ".txt", ".csv", ".xyz", ".dat", ".asc", ".grd", ".gsf", ".tif", ".tiff")
 MOST_FILES = 10_000  # of a pattern, as seeds
 NO_FILE = "no such file ({path})"
 ABSENT = "absent"  # key of a context in which files need not exist

@@ -3,7 +3,8 @@
 Conventions: the first axis of the array is x of the file, and a missing height is NaN. Nodes are one pixel apart, so an
 axis is one pixel shorter than all its pixels. The library recognises a format by its content. Two formats without any
 mark (NMS, HGT) count only in files with this ending. HDF5 and MATLAB hold arrays of any meaning: of several, one is
-named. Channels that are no heights by their kind, unit or name are refused.
+named. MATLAB 7.3 stores an array in HDF5 with its axes in reverse order. Channels that are no heights by their kind,
+unit or name are refused.
 
 NMS has no unit of its pixels. The library takes the numbers for mm, the reader of surfalize for nm: 512 pixels of 312.5
 are 160 m or 160 um. So the length of the axis is that of the study.
@@ -14,6 +15,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -62,15 +64,19 @@ def opened(request: Request) -> HeightMap:
                 raise CannotDetectFileFormat
         except CannotDetectFileFormat as error:
             raise NotRead(f"{path}: is damaged, or {UNREAD}") from error
+        turned = reader.format() == "h5" and ending == "mat"  # MATLAB 7.3
         channel = _channel(path, reader, request.variable)
         description = _described(path, reader, channel, request.variable)
+        if turned:
+            description = replace(description, shape=description.shape[::-1])
 
     def heights() -> Array:
         # The library builds no map without a size. Any size does where the file gives none.
         size = None if channel.physical_sizes is not None else tuple(map(float, channel.nb_grid_pts))
         with warnings.catch_warnings(action="ignore"):
             values = channel.topography(physical_sizes=size).heights()
-        return np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
+        known = np.ma.filled(np.ma.asarray(values, dtype=np.float64), np.nan)
+        return known.T if turned else known
 
     return HeightMap(description, heights)
 

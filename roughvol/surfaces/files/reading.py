@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import DatasetError, SurfaceError
-from roughvol.surfaces.files import instrument, netcdf, plain_text, surfer, text_map, tiff
+from roughvol.surfaces.files import instrument, netcdf, plain_text, simple_field, surfer, text_map, tiff
 from roughvol.surfaces.files.description import (
     EXTRA,
     Description,
@@ -105,6 +105,8 @@ def _by_content(request: Request) -> HeightMap:
         return netcdf.opened(request)
     if surfer.is_grid(path):
         return surfer.opened(request)
+    if simple_field.is_field(path):
+        return simple_field.opened(request)
     text = plain_text.is_text(path)
     if suffix in TEXT and text:
         return _text(request)

@@ -34,7 +34,10 @@ _UNIT = (
     r"(?:pm|nm|[uµμ]m|mm|cm|km|microns?|(?:pico|nano|micro|milli|centi)[- ]?met(?:er|re)s?|Å|\u212b|[Aa]ngstr[oö]ms?|"
     r"(?:micro[- ]?|[uµμ])?inch(?:es)?)"
 )
-_HAS_UNIT = re.compile(rf"(?<![^\W\d_]){_UNIT}(?![^\W\d_])|{_FLOAT}\s*(?:m|met(?:er|re)s?)\b|[\[(]m[\])]")
+_HAS_UNIT = re.compile(
+    rf"(?<![^\W\d_]){_UNIT}(?![^\W\d_])|{_FLOAT}\s*(?:m|met(?:er|re)s?)\b|[\[(]m[\])]|"
+    r"\bin\s+(?:m|met(?:er|re)s?)(?=$|[,;.])"
+)
 _NUMBER_WITH_UNIT = re.compile(rf"{_FLOAT}\s*(?:{_UNIT}|m|met(?:er|re)s?)(?![^\W\d_])")
 _LATERAL = re.compile(
     r"\b(?:x|y|xy|lateral|width|length|pixels?|spacing|step|size|scan|axis|cut.?off|tip)\b", re.IGNORECASE
@@ -54,6 +57,8 @@ _PIXELS = re.compile(
 _FACTOR = re.compile(r"\bheight\s+conversion\s+factor\b", re.IGNORECASE)
 _EVEN = 1e-6  # largest relative difference of steps of a coordinate
 _LINE = 8  # least number of even steps that make a coordinate of one line alone
+_DIGITS = 6  # significant digits of %g
+_COARSE = 2.0  # least step of printed coordinates, in units of their last digit
 _SAME = 1e-6  # largest difference of equal coordinates of points, over the span
 _REGULAR = 0.02  # largest distance of a point from its node, in spacings
 _CROWDED = 4  # most nodes a point for which points on a node are counted
@@ -163,7 +168,7 @@ def _taken(header: Header, path: Path, bare: str, place: str) -> bool:
     elif named := _HAS_UNIT.search(bare):
         if _NUMBER_WITH_UNIT.search(bare) or _LATERAL.search(bare) or not _VERTICAL.search(bare):
             return False
-        header.heights_unit = length_unit(path, named[0].strip("[]()"), place)
+        header.heights_unit = length_unit(path, re.sub(r"^in\s+", "", named[0].strip("[]()")), place)
     else:
         return False
     return True
@@ -279,17 +284,40 @@ def _refuse_coordinates(path: Path, numbers: Array) -> None:
     inside = numbers[1:, 1:]
     if min(rows, columns) < 4 or any(all(map(_even, lines)) for lines in (inside, inside.T)):  # a plane, or grooves
         return
-    if _even(numbers[0, 1:]) and _even(numbers[1:, 0]):
+    along, down = (_coordinates(numbers[0, 1:], inside), _coordinates(numbers[1:, 0], inside.T))
+    if (along and down) or (_even(numbers[0, 1:]) and _even(numbers[1:, 0])):
         message = f"{path}: the first line and the first column look like coordinates: delete them and give L; {INSIST}"
         raise SurfaceError(message)
-    for name, edge in (("line", numbers[0]), ("column", numbers[:, 0])):
+    for name, edge, others in (("line", numbers[0], numbers[1:]), ("column", numbers[:, 0], numbers[:, 1:].T)):
         if edge[0] in (0.0, 1.0) and np.array_equal(edge, edge[0] + np.arange(edge.size)):
             raise SurfaceError(f"{path}: the first {name} only counts: delete it; {INSIST}")
-        if edge.size > _LINE and _even(edge):
+        if _coordinates(edge, others):
             raise SurfaceError(f"{path}: the first {name} looks like coordinates: delete it and give L; {INSIST}")
 
 
 def _even(values: Array) -> bool:
+    if not np.isfinite(values).all():
+        return False
     steps = np.diff(values)
-    regular = np.isfinite(steps).all() and np.abs(steps - steps[0]).max() <= _EVEN * abs(steps[0])
-    return bool(steps[0] != 0.0 and regular)
+    return bool(steps[0] != 0.0 and np.abs(steps - steps[0]).max() <= _EVEN * abs(steps[0]))
+
+
+def _coordinates(edge: Array, others: Array) -> bool:
+    """Return whether the numbers at an edge of a table are of even steps, and no other line of it to printed digits."""
+    if edge.size <= _LINE:
+        return False
+    return _even(edge) or (_even_as_printed(edge) and not any(map(_even_as_printed, others)))
+
+
+def _even_as_printed(values: Array) -> bool:
+    """Return whether numbers lie on a straight line to their last printed digit."""
+    if not np.isfinite(values).all():
+        return False
+    step = abs(values[-1] - values[0]) / (values.size - 1)
+    off = np.abs(values - np.linspace(values[0], values[-1], values.size)).max()
+    if _COARSE * off > step or step == 0.0:
+        return False
+    places = max(len(np.format_float_positional(value, trim="-").partition(".")[2]) for value in values)
+    largest = math.floor(math.log10(np.abs(values).max())) + 1
+    digit = 10.0 ** max(-places, largest - _DIGITS)
+    return bool(off <= digit and step >= _COARSE * digit)

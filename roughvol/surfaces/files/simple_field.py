@@ -1,0 +1,72 @@
+"""Height maps in Gwyddion Simple Field files (GSF): a header of text, zero bytes, and rows of 32-bit numbers.
+
+Conventions: x runs along the rows, so the array is the transpose of the rows. XReal and YReal are the width and the
+height of all pixels. A missing height is NaN.
+
+Layout: Gwyddion user guide, "Gwyddion Simple Field file format".
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from roughvol.errors import DatasetError, SurfaceError
+from roughvol.surfaces.files.description import (
+    Description,
+    HeightMap,
+    Request,
+    first_bytes,
+    length_unit,
+    names_no_heights,
+)
+from roughvol.typing import Array
+
+_MAGIC = b"Gwyddion Simple Field 1."
+_HEAD = 1 << 16  # bytes searched for the end of the header
+_HEIGHT_BYTES = 4
+
+
+def is_field(path: Path) -> bool:
+    """Return whether a file starts with the name of the format."""
+    return first_bytes(path, len(_MAGIC)) == _MAGIC
+
+
+def opened(request: Request) -> HeightMap:
+    """Return the map in a Gwyddion Simple Field; its heights are read on demand."""
+    request.refuse_variable()
+    path = request.path
+    head, _, _ = first_bytes(path, _HEAD).partition(b"\0")
+    start = len(head) + _HEIGHT_BYTES - len(head) % _HEIGHT_BYTES  # 1 to 4 zero bytes end the header
+    given = dict(re.findall(r"^\s*(\w+)\s*=\s*(.*?)\s*$", head.decode("utf-8", errors="replace"), re.MULTILINE))
+    if not all(re.fullmatch(r"0*[1-9]\d*", given.get(key, "")) for key in ("XRes", "YRes")):
+        raise DatasetError(f"{path}: its header gives {', '.join(given)}; needed: XRes and YRes, whole numbers above 0")
+    title = given.get("Title", "")
+    if names_no_heights(title):
+        raise SurfaceError(f"{path}: the field {title!r} holds no heights, by its name")
+    nx, ny = int(given["XRes"]), int(given["YRes"])
+    if (size := path.stat().st_size - start) != _HEIGHT_BYTES * nx * ny:
+        raise DatasetError(f"{path}: holds {size} bytes of heights; its header gives {nx} x {ny} of 4 bytes each")
+    sides = None
+    if {"XReal", "YReal"} <= given.keys():
+        try:
+            sides = float(given["XReal"]) / nx * (nx - 1), float(given["YReal"]) / ny * (ny - 1)
+        except ValueError:
+            message = f"{path}: its header gives XReal {given['XReal']}, YReal {given['YReal']}; allowed: numbers"
+            raise SurfaceError(message) from None
+    described = Description(
+        (nx, ny),
+        sides,
+        length_unit(path, given.get("XYUnits", ""), "XYUnits"),
+        length_unit(path, given.get("ZUnits", ""), "ZUnits"),
+        title,
+        "Gwyddion Simple Field",
+        source="XReal in its header" if sides else "",
+    )
+
+    def heights() -> Array:
+        return np.fromfile(path, "<f4", nx * ny, offset=start).reshape(ny, nx).T.astype("f8")
+
+    return HeightMap(described, heights)

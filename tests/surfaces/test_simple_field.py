@@ -1,0 +1,35 @@
+"""Gwyddion Simple Field: a size is that of all pixels, and what is damaged or no map of heights is refused by name."""
+
+import pytest
+from height_files import HEIGHTS, put, refused, same, simple_field
+
+from roughvol.surfaces.files import reading
+
+FIELD = simple_field(HEIGHTS, "um")
+
+
+def test_a_field_without_size_has_none(tmp_path):
+    bare = FIELD.replace(b"XReal", b"Other")
+    path = put(tmp_path / "z.gsf", bare)
+    same(path, HEIGHTS)
+    assert reading.describe(path).sides is None
+
+
+@pytest.mark.parametrize(
+    ("content", "pattern"),
+    [
+        (FIELD[:-4], "holds 116 bytes of heights; its header gives 6 x 5 of 4 bytes each"),
+        (FIELD.replace(b"XRes = 6", b"XRes = 0"), "needed: XRes and YRes, whole numbers above 0"),
+        (FIELD.replace(b"YRes", b"YSer"), "its header gives XRes, YSer, .* needed: XRes and YRes"),
+        (simple_field(HEIGHTS, "um", XReal="wide"), "XReal wide, YReal 2.5; allowed: numbers"),
+        (simple_field(HEIGHTS, "um", XReal=-1.0), "makes sides of -0.83.* by 2; allowed: finite and above 0"),
+        (simple_field(HEIGHTS, "um", ZUnits="V"), "ZUnits has the unit 'V'; allowed: pm"),
+        (simple_field(HEIGHTS, "um", Title="Phase"), "the field 'Phase' holds no heights, by its name"),
+    ],
+)
+def test_what_is_no_field_of_heights_is_refused(tmp_path, content, pattern):
+    refused(put(tmp_path / "z.gsf", content), pattern)
+
+
+def test_a_field_has_no_name_of_an_array(tmp_path):
+    refused(put(tmp_path / "z.gsf", FIELD), "holds one array, without a name", "z")
