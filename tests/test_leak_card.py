@@ -1,5 +1,7 @@
 """The command card: what a designer reads, for one surface, several, closed ways, lists, and fluid pressure."""
 
+import csv
+import io
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -279,6 +281,26 @@ def test_the_quadrants_of_a_closed_map_have_no_scatter() -> None:
         (window,) = (part for part in way.parts if part.name == "window")
         assert not window.known
         assert window.words.startswith("the map is closed at ")
+
+
+def test_csv_has_a_row_for_each_leak_of_each_card_with_the_numbers_of_json() -> None:
+    study = _study(PRESSED + "seal: {length: 1 mm, width: 0.2 mm}\n")
+    loads = (*AT, "--at", "pressure=30 kPa")
+    rows = list(csv.DictReader(io.StringIO(_printed(study, *loads, "--csv"))))
+    cards = _card(study, *loads)
+    assert [(row["load"], row["of"], row["axis"]) for row in rows] == [
+        (load, *leak) for load in cards for leak in (("patch", "x"), ("patch", "y"), ("seal", ""))
+    ]
+    assert not list(Path("runs/seal_card").glob("*.html"))
+    for row, leak in zip(
+        rows, [leak for card in cards.values() for leak in (*card["ways"], card["seal"])], strict=True
+    ):
+        lower, upper = leak["leak_interval"] or ("", "")
+        assert [row[f"leak{end}"] for end in ("", "_lower", "_upper")] == [str(n) for n in (leak["leak"], lower, upper)]
+        closing = leak["closing_pressure" if "axis" in leak else "tight_above"]
+        assert row["closing_pressure"] == str(closing)
+        assert row["leak_unit"] == "mm^3/s"
+    assert "exclude each other" in refused("card", study, "--csv", "--json")
 
 
 def test_json_of_several_loads_is_the_object_of_the_contract_for_each() -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import roughvol
-from roughvol.cli.options import FRESH, JOBS, JSON, SET, STUDY, at, command, given, out
-from roughvol.cli.output import say, say_json, say_table, warn_of
+from roughvol.cli.options import CSV, FRESH, JOBS, JSON, SET, STUDY, at, command, given, out
+from roughvol.cli.output import csv_text, say, say_json, say_table, warn_of
+from roughvol.cli.show import check_one_form
 
 
 @command(
@@ -16,12 +17,14 @@ from roughvol.cli.output import say, say_json, say_table, warn_of
     "roughvol card scan.yaml --at pressure=0.1MPa --at pressure=0.2MPa   a card at each load, and a table",
     'roughvol card metal.yaml --at "pressure=0.1 GPa, leg 2" on the second leg of a path',
     "roughvol card scan.yaml --at pressure=0.3 --json        numbers alone, for programs",
+    "roughvol card scan.yaml --at pressure=0.1MPa --at pressure=0.2MPa --csv > cards.csv   a row for each leak",
 )
 @STUDY
 @at(several=True, default="last")
 @out("runs/NAME_card")
 @JOBS
 @FRESH
+@CSV
 @JSON
 @SET
 def card(
@@ -30,6 +33,7 @@ def card(
     out: Path | None,
     jobs: int | None,
     fresh: bool,
+    as_csv: bool,
     as_json: bool,
     changes: tuple[str, ...],
 ) -> None:
@@ -40,12 +44,14 @@ def card(
     folder or name of a run.
 
     Several height files have a card each and one together; each combination of lists and each load has its own. A table
-    shows all of them. The files of a card are named by its load.
+    shows all of them. The files of a card are named by its load. --csv and --json print numbers and write no page;
+    pressures are in MPa.
     """
+    check_one_form(as_csv=as_csv, as_json=as_json)
     found = roughvol.card(given(study, changes), states, out=out, jobs=jobs, fresh=fresh, changes=changes)
     if found.notice:
         say(found.notice, err=True)
-    if as_json or len(found.runs) > 1:  # one card alone has its limits below
+    if as_csv or as_json or len(found.runs) > 1:  # one card alone has its limits below
         finest = {  # several loads have one run
             ", ".join(filter(None, (words, name))): runs.fine.dataset
             for (_, words), by_surface in found.runs.items()
@@ -58,6 +64,9 @@ def card(
         return
     from roughvol.report import card_page, terminal
 
+    if as_csv:
+        say(csv_text(card_page.NUMBERS, card_page.numbers_of(found.pages)), nl=False)
+        return
     if len(found.runs) == 1:
         say("\n".join(terminal.lines(card_page.brief(found.pages[0]))))
     if len(found.pages) > 1:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from xarray import Dataset
 
@@ -19,6 +20,10 @@ from roughvol.store import stamped_file
 
 NARROW = "\u00a0"  # keeps a factor on one line
 NONE_EXCEEDED = "No limit of the model is exceeded among those compared."
+NUMBERS = (  # heads of the numbers of cards as CSV
+    *("card", "load", "surfaces", "nominal_pressure", "of", "axis", "leak", "leak_lower", "leak_upper", "leak_unit"),
+    *("closing_pressure", "closing_pressure_lower", "closing_pressure_upper"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +129,32 @@ def table_of(pages: Sequence[Page]) -> Table:
     if any(way.leak.value == 0.0 for page in pages for way in page.card.ways):
         note += " The error of a closed way is that of its closing load."
     return Table("Cards", ("card", "surfaces", "load", *heads), tuple(rows), note)
+
+
+def numbers_of(pages: Sequence[Page]) -> list[tuple[Any, ...]]:
+    """Return the numbers of cards under `NUMBERS`, a row for each leak; pressures are in MPa, None where unknown."""
+    return [
+        (page.card.title, page.card.load, len(page.card.surfaces), found["load"]["nominal_pressure"], *leak)
+        for page in pages
+        for found in [page.card.plain()]
+        for leak in _leaks(found)
+    ]
+
+
+def _leaks(card: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
+    """Yield the leaks of the plain data of a card: of the patch, of what is beside it, and of the seal."""
+    unknown = None, None
+    for way in card["ways"]:
+        leak, closing = (way[key] or unknown for key in ("leak_interval", "closing_pressure_interval"))
+        yield "patch", way["axis"], way["leak"], *leak, way["unit"], way["closing_pressure"], *closing
+    for beside in card.get("beside", ()):
+        for axis in (way["axis"] for way in card["ways"]):
+            yield beside["words"], axis, beside[axis], *unknown, beside["unit"], None, *unknown
+    if seal := card.get("seal"):
+        leak, closing = (seal[key] or unknown for key in ("leak_interval", "tight_above_interval"))
+        yield "seal", None, seal["leak"], *leak, card["ways"][0]["unit"], seal["tight_above"], *closing
+        if "gas_leak" in seal:
+            yield "seal, gas", None, seal["gas_leak"], *unknown, seal["gas_leak_unit"], None, *unknown
 
 
 def write_table(pages: Sequence[Page], stem: str, title: str, folder: Path) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -136,7 +136,31 @@ class States:
         found: dict[str, dict[str, None]] = {}
         for row in self.rows:
             found.setdefault(words_of(row), {})[row.name] = None
-        return {words: f"{', '.join(names)}: " if len(found) > 1 else "" for words, names in found.items() if words}
+        named = shortest_names(found) if len(found) > 1 else dict.fromkeys(found, "")
+        return {words: f"{name}: " * bool(name) for words, name in named.items() if words}
+
+
+def shortest_names(found: Mapping[str, Iterable[str]]) -> dict[str, str]:
+    """Return the names of rows with equal words; a run that has these words alone is named without its parts."""
+    words_of: dict[str, set[str]] = {}  # of each beginning of a name: "oil", "oil, E = 4 MPa"
+    for words, names in found.items():
+        for name in names:
+            for beginning in _beginnings(name):
+                words_of.setdefault(beginning, set()).add(words)
+    shortest = {
+        words: dict.fromkeys(
+            next((beginning for beginning in _beginnings(name) if len(words_of[beginning]) == 1), name)
+            for name in names
+        )
+        for words, names in found.items()
+    }
+    return {words: ", ".join(names) for words, names in shortest.items()}
+
+
+def _beginnings(name: str) -> list[str]:
+    """Return a name cut after each of its parts, the shortest first."""
+    parts = name.split(", ")
+    return [", ".join(parts[: count + 1]) for count in range(len(parts))]
 
 
 def every_step(group: Dataset, table: str | None = None) -> Iterator[tuple[State, dict[str, Numbers]]]:

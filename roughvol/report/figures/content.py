@@ -49,6 +49,7 @@ from roughvol.report.figures.style import (
     plain_ticks,
     unit_text,
 )
+from roughvol.report.states import shortest_names
 from roughvol.store.variants import Part, parts_of, study_in
 
 _TABLE = tomllib.loads(Path(__file__).with_name("figures.toml").read_text(encoding="utf-8"))["content"]
@@ -217,10 +218,12 @@ def _legend(ax: Axes, some: Sequence[Family], closed: set[str], title: str, *, d
 
 def _fluids(runs: Sequence[Named], words_of: Callable[[Dataset], str], alone: list[str], differ: str) -> list[str]:
     """Return the notes on the fluid of a leak, those of all runs, or one note with the fluid of each run."""
-    found = [words_of(run.dataset) for run in runs]
-    if len(set(found)) == 1:
+    found: dict[str, list[str]] = {}
+    for run in runs:
+        found.setdefault(words_of(run.dataset), []).append(run.name)
+    if len(found) == 1:
         return alone
-    each = [f"{file_text(run.name)}: {words or 'unknown'}" for run, words in zip(runs, found, strict=True)]
+    each = [f"{file_text(names)}: {words or 'unknown'}" for words, names in shortest_names(found).items()]
     return [f"{differ}: {'; '.join(each)}."]
 
 
