@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
 import os
 import sys
 import warnings
@@ -39,6 +40,19 @@ class RoughvolWarning(UserWarning):
 
 class RoughvolDeprecation(RoughvolWarning, FutureWarning):
     """A former spelling that still works. The message has the place and the new spelling."""
+
+
+def nearest_word(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word most similar to ``word``, ignoring case, at best one of its letters; None without one."""
+    lower = {name.lower(): name for name in known}
+    close = difflib.get_close_matches(word.lower(), lower, cutoff=0.65)
+    return lower[min(close, key=lambda name: sorted(name) != sorted(word.lower()))] if close else None
+
+
+def meant(word: str, known: Iterable[str]) -> str:
+    """Return the question for the known word most similar to ``word``, for a message; empty without one."""
+    near = nearest_word(word, known)
+    return f"; did you mean {near}?" if near else ""
 
 
 def warn(sentences: Iterable[str], category: type[RoughvolWarning] = RoughvolWarning) -> None:

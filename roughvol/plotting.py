@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from roughvol import spellings
-from roughvol.errors import DatasetError
+from roughvol.errors import DatasetError, meant
 from roughvol.questions import opened
 
 if TYPE_CHECKING:
@@ -161,6 +160,6 @@ def check_known(wanted: Sequence[str], runs: Sequence[Named] = ()) -> None:
         if name not in known:
             if row := spellings.former("figure", name):
                 raise DatasetError(f"figure {name!r} {row.message}")
-            near = difflib.get_close_matches(name, known, n=1)
-            hint = f"; did you mean {near[0]}?" if near else ""
-            raise DatasetError(f"no figure {name!r}{hint} (known: {', '.join(figures())}; {content.IN_WORDS})")
+            raise DatasetError(
+                f"no figure {name!r}{meant(name, known)} (known: {', '.join(figures())}; {content.IN_WORDS})"
+            )

@@ -1,5 +1,6 @@
 """One vocabulary: an option means the same in every command, and every command takes a study in each form."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -110,6 +111,22 @@ def test_a_change_of_a_key_is_that_of_the_run_or_an_error() -> None:
         told = refused(name, *NUMBERS.get(name, ("tiny",)), "--set", "surface.m=5")
         assert "surface.m: 4 → 5" in told
         assert "roughvol run tiny --set surface.m=5" in told
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (("shw", "tiny"), "no command 'shw'; did you mean show?"),
+        (("show", "tiyn"), "no results of 'tiyn': .*; did you mean tiny?"),
+        (("run", "tiny.yml"), "did you mean tiny.yaml?"),
+        (("status", "othr"), "no study file and no run: .*; did you mean other?"),
+        (("show", "tiny", "--at", "presure=0.5"), "no state 'presure=0.5'; did you mean pressure?"),
+        (("show", "tiny", "--at", "pressure=0.5", "MPa"), r"in quotation marks: 'pressure=0.5 MPa'"),
+        (("ask", "tiny", "--leak-rate", "1e-6", "mm^3/s"), r"in quotation marks: '1e-6 mm\^3/s'"),
+    ],
+)
+def test_a_word_of_the_command_line_with_a_slip_names_what_was_meant(words: tuple[str, ...], hint: str) -> None:
+    assert re.search(hint.replace("?", r"\?"), refused(*words))
 
 
 # height maps

@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import errno
 import importlib
+import itertools
 import os
+import re
 import sys
 import warnings
 from collections.abc import Iterator
@@ -74,6 +76,8 @@ class _Commands(click.Group):
                 formatter.write_dl(list(rows.items()))
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        if not args[0].startswith("-") and args[0] not in (known := self.list_commands(ctx)):
+            ctx.fail(f"no command {args[0]!r}{errors.meant(args[0], known)}")
         command = super().resolve_command(ctx, renamed(args))
         if command[0] not in LIGHT and (message := machine.too_narrow()):
             say(f"error: {message}", err=True)
@@ -91,12 +95,17 @@ class _Commands(click.Group):
             raise click.ClickException(_of_system(error) or str(error)) from error
 
     def invoke(self, ctx: click.Context) -> Any:
+        words = list(ctx.args)  # click takes them from the context
         try:
             with signals.as_interrupts(), _said():
                 return super().invoke(ctx)
         except KeyboardInterrupt as error:
             say("interrupted; finished cases are kept, and the same command continues the run", err=True)
             ctx.exit(BY_SIGNAL + signals.number_of(error))
+        except click.UsageError as error:
+            if hint := _cut_value(words, error.message):
+                raise click.UsageError(f"{error.format_message()}{hint}", error.ctx) from error
+            raise
         except errors.RoughvolError as error:
             say(_message(error), err=True)
             ctx.exit(FAILED if isinstance(error, OF_RUNS) else BAD_INPUT)
@@ -110,6 +119,14 @@ class _Commands(click.Group):
             else:
                 raise
             ctx.exit(FAILED)
+
+
+def _cut_value(words: list[str], refused: str) -> str:
+    """Return what to do where a unit is refused as a word, cut from its number, as ``--at pressure=0.5 MPa``."""
+    for number, unit in itertools.pairwise(words):
+        if f"({unit})" in refused and re.fullmatch(r"([\w.]+=)?[-+.\d]+(e[-+]?\d+)?", number):
+            return f"; a value with a blank is in quotation marks: '{number} {unit}'"
+    return ""
 
 
 def renamed(words: list[str]) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
@@ -15,7 +14,7 @@ from click.shell_completion import CompletionItem
 
 from roughvol.cli.options import SET, Completed, command
 from roughvol.cli.output import say
-from roughvol.errors import FolderError, StudyError, SurfaceError
+from roughvol.errors import FolderError, StudyError, SurfaceError, meant
 from roughvol.report import terminal
 from roughvol.store import stamped_file
 
@@ -62,9 +61,8 @@ def init(example: str | None, listing: bool, changes: tuple[str, ...]) -> None:
         _write_study_of_map(Path(example), known["scan"], changes)
         return
     if example not in known:
-        near = difflib.get_close_matches(example, known, n=1)
-        hint = f"; did you mean {near[0]}?" if near else ""
-        raise click.UsageError(f"no example and no height map {example!r}{hint} (examples: {', '.join(known)})")
+        near = meant(example, known)
+        raise click.UsageError(f"no example and no height map {example!r}{near} (examples: {', '.join(known)})")
     if changes:
         message = "--set changes the study of a height map; an example is changed by: roughvol run EXAMPLE.yaml --set …"
         raise click.UsageError(message)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from roughvol.errors import DatasetError, FolderError, Problem, StudyError, SurfaceError
+from roughvol.errors import DatasetError, FolderError, Problem, StudyError, SurfaceError, meant
 from roughvol.store import run_folder, same_study, sample_plan
 from roughvol.study import HeightFile, Study, changes_of, check_type, load, loads
 
@@ -245,7 +245,10 @@ def study_of(run: str | Path, changes: Sequence[str] = (), *, stored: bool = Fal
             raise StudyError([problem]) from error
         if path.suffix not in STUDY_SUFFIXES and not _is_file(path):
             looked_for = dict.fromkeys(map(str, (path, *(folder / "study.yaml" for folder in _folders(run)))))
-            raise StudyError([Problem(f"no study file and no run: looked for {', '.join(looked_for)}")]) from error
+            message = f"no study file and no run: looked for {', '.join(looked_for)}{_meant(run)}"
+            raise StudyError([Problem(message)]) from error
+        if not path.exists():
+            raise StudyError([replace(one, message=one.message + _meant(run)) for one in error.problems]) from error
         raise
     return study, run_folder.folder_of(study)
 
@@ -348,7 +351,13 @@ def _no_results(run: str, files: Sequence[Path], call: str) -> DatasetError:
             see = f"roughvol status {_word(folder)}"
             return DatasetError(f"{folder} has no {RESULTS}: its run has not ended; see: {see}")
     compute = f"; to compute them: roughvol run {call}" if call else ""
-    return DatasetError(f"no results of {run!r}: looked for {', '.join(map(str, files))}{compute}")
+    return DatasetError(f"no results of {run!r}: looked for {', '.join(map(str, files))}{compute}{_meant(run)}")
+
+
+def _meant(run: str | Path) -> str:
+    """Return the question for the run under runs/, or the study file beside it, with the most similar name."""
+    here = (path.name for suffix in STUDY_SUFFIXES for path in Path().glob(f"*{suffix}"))
+    return meant(str(run), (*(folder.name for folder in with_results()), *here))
 
 
 def _check(file: Path, results: Dataset, given: Study | None, run: str, call: str, *, is_part: bool = False) -> None:

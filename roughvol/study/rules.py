@@ -13,6 +13,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel
 
+from roughvol.errors import nearest_word
 from roughvol.study.file import StudyFile
 from roughvol.study.plain_data import KeyPath, number_text
 from roughvol.study.sections.dimensional import Dimensional
@@ -21,7 +22,7 @@ from roughvol.study.sections.height_file import BARE_FORMATS, HEIGHT_FORMATS, He
 from roughvol.study.sections.material import YoungPoisson
 from roughvol.study.sections.record import EVERY_STEP, Record, Region
 from roughvol.study.sections.solver import PAPER_MAX_M, FreeKernel, NamedKernel
-from roughvol.study.sections.strict import names, nearest
+from roughvol.study.sections.strict import names
 from roughvol.study.sections.surface import FEWEST, SPECTRAL, GeneratedSurface, SpectralSurface
 from roughvol.study.sections.sweep import Legs, Sweep
 from roughvol.study.validation import Problems, Rule
@@ -404,7 +405,7 @@ def _quantities(study: StudyFile) -> Problems:
     known = [*names(Accuracies), *(study.record.own or {})]
     for name in study.ensemble.accuracy.own if study.ensemble is not None else ():
         if name not in known:
-            meant = nearest(name, known)
+            meant = nearest_word(name, known)
             hint = f"did you mean '{meant}'? " if meant else ""
             place = ("ensemble", "accuracy", name)
             yield place, f"unknown quantity; {hint}allowed: {', '.join(known)}, or a name of record.own"

@@ -16,9 +16,10 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
+from roughvol.errors import nearest_word
 from roughvol.study.plain_data import KeyPath, key_text, number_text, show
 from roughvol.study.sections.height_file import ABSENT, is_absent
-from roughvol.study.sections.strict import models_in, names, nearest
+from roughvol.study.sections.strict import models_in, names
 from roughvol.study.values.state_kinds import LISTS, stored_name
 
 RULE = "rule"  # type of the error of a broken rule
@@ -188,7 +189,7 @@ def translated(error: ValidationError, data: Any, study: type[BaseModel]) -> Ite
             message, meant = _unknown(path, data, known)
             misspelt |= {(*path[:-1], meant)} if meant else set()
         if isinstance(given, str) and (kind == "literal_error" or item["msg"].startswith("must be ")):
-            meant = nearest(given, re.findall(r"'([^']*)'", item.get("ctx", {}).get("expected", item["msg"])))
+            meant = nearest_word(given, re.findall(r"'([^']*)'", item.get("ctx", {}).get("expected", item["msg"])))
             message += f"; did you mean '{meant}'?" if meant else ""
         messages.append((path, item["msg"], message + _about(path, known)))
     for path, reason, message in messages:
@@ -221,7 +222,7 @@ def _unknown(path: KeyPath, data: Any, of: Models) -> tuple[str, str | None]:
         return f"excluded by {' and '.join(rivals)}" if rivals else f"needs {' and '.join(needed)}", None
     if path[-2:-1] == ("to",) and key in LISTS:
         return f"'{key}' stands in place of 'to', as sweep: {{{key}: [...]}}", None
-    meant = nearest(key, known)
+    meant = nearest_word(key, known)
     homes = [key_text(section) for section, others in of.items() if key in names(*others)]
     hint = f"did you mean '{meant}'? " if meant else f"a key of '{homes[0]}'; " if homes else ""
     return f"unknown key; {hint}allowed: {', '.join(known)}", meant

@@ -355,7 +355,7 @@ def test_files_of_instruments_need_the_extra(tmp_path: Path, monkeypatch: pytest
         loads("surface: {file: scan.al3d}", tmp_path / "study.yaml")
     (problem,) = caught.value.problems
     assert (problem.key, problem.line) == ("surface.file", 1)
-    assert "must end in one of .npy .npz .nc .txt .csv .xyz .dat .asc .grd .tif .tiff" in problem.message
+    assert "must end in one of .npy .npz .nc .txt .csv .xyz .dat .asc .grd .gsf .tif .tiff" in problem.message
     assert "pip install 'roughvol[measured]'" in problem.message
 
 

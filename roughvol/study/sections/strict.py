@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator
 from typing import Any, ClassVar, NoReturn, Self, TypeVar, get_args
 
@@ -34,13 +33,6 @@ def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
         yield annotation
     for argument in get_args(annotation):
         yield from models_in(argument)
-
-
-def nearest(word: str, known: list[str]) -> str | None:
-    """Return the known word most similar to ``word``, ignoring case, at best one of its letters; None without one."""
-    lower = {name.lower(): name for name in known}
-    close = difflib.get_close_matches(word.lower(), lower, cutoff=0.65)
-    return lower[min(close, key=lambda name: sorted(name) != sorted(word.lower()))] if close else None
 
 
 def default(value: T, description: str) -> T:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, model_serializer, model_validator
 
+from roughvol.errors import nearest_word
 from roughvol.study.sections.ensemble import AUTO_FROM, AUTO_TO
-from roughvol.study.sections.strict import Strict, default, nearest, optional
+from roughvol.study.sections.strict import Strict, default, optional
 from roughvol.study.values.types import WHOLE, Dimension, Many, ManyOrAuto, Positive, Refinement, Seed, refuse, whole
 from roughvol.study.values.units import Length, LengthUnit, unit_of
 from roughvol.surfaces.length_units import factor
@@ -249,5 +250,5 @@ def tag_surface(value: Any) -> str:
         return "<file>"
     if not {"m", "midpoint_law"} & value.keys() and {*SPECTRAL} & value.keys():
         return "<spectrum>"
-    hints = not {"D", "m"} & value.keys() and any(nearest(key, ["file", "variable"]) for key in value)
+    hints = not {"D", "m"} & value.keys() and any(nearest_word(key, ["file", "variable"]) for key in value)
     return "<file>" if hints else "<generated>"

@@ -12,8 +12,9 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import ConfigDict, Discriminator, Field, RootModel, Tag, model_serializer, model_validator
 
+from roughvol.errors import nearest_word
 from roughvol.study.plain_data import KeyPath
-from roughvol.study.sections.strict import Choice, Strict, default, nearest, optional, refuse_at
+from roughvol.study.sections.strict import Choice, Strict, default, optional, refuse_at
 from roughvol.study.values.state_kinds import LISTS, OF_ALL, STATE_KINDS, Level, Starred
 from roughvol.study.values.types import AS_TUPLE, WHOLE, AreaFraction, Many, Positive, StepNumber, Word, refuse
 from roughvol.study.values.units import Flow, Gap, In, Length, Load, Position, Pressure, in_unit, text_of, unit_of
@@ -111,7 +112,7 @@ PLANES, PERCOLATION = ("mean-plane", "summit-plane"), "percolation"
 
 def _tag_to(value: Any) -> str:
     """Return the form of an end; an unknown word has the form of the most similar word."""
-    is_plane = isinstance(value, str) and nearest(value, [*PLANES, PERCOLATION]) in PLANES
+    is_plane = isinstance(value, str) and nearest_word(value, [*PLANES, PERCOLATION]) in PLANES
     return "<plane>" if is_plane else "<state>"
 
 

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from roughvol.errors import DatasetError
+from roughvol.errors import DatasetError, meant
 from roughvol.study.plain_data import number_text
 from roughvol.study.python_data import text_of_value
 from roughvol.study.values.units import KINDS, ROUNDING, Quantity, Written, convert, in_unit, read, unit_of
@@ -166,11 +166,10 @@ def parse(text: str) -> Level:
     if name == "last" and not equals:
         return Level("last", leg=leg)
     name = SYMBOLS.get(name, name)
-    if not equals or name not in (*STATE_KINDS, "step"):
-        allowed = ", ".join((*STATE_KINDS, "step"))
+    if not equals or name not in (kinds := (*STATE_KINDS, "step")):
         raise DatasetError(
-            f"no state {text!r}; allowed: last, or KIND=VALUE with a KIND of {allowed}, as pressure=0.5MPa; then a leg "
-            "of a path, as pressure=0.5MPa, leg 2"
+            f"no state {text!r}{meant(name, (*kinds, 'last'))}; allowed: last, or KIND=VALUE with a KIND of "
+            f"{', '.join(kinds)}, as pressure=0.5MPa; then a leg of a path, as pressure=0.5MPa, leg 2"
         )
     kind = STATE_KINDS.get(name, StateKind(name, ""))
     try:
