@@ -64,6 +64,9 @@ def warn(sentences: Iterable[str], category: type[RoughvolWarning] = RoughvolWar
         warnings.warn(sentence, category, stacklevel=level)
 
 
+CHANGES = "changes"  # the argument of a call, and --set of a command, as the place of a problem
+
+
 @dataclass(frozen=True)
 class Problem:
     """One problem of a study: message with the allowed values, key path, and its place in a file or a call."""

@@ -11,6 +11,7 @@ import re
 import sys
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import click
@@ -176,7 +177,8 @@ def _said() -> Iterator[None]:
 def _message(error: errors.RoughvolError) -> str:
     """Return an error as text; the problems of the keys of a study line by line."""
     if isinstance(error, errors.StudyError) and any(problem.key or problem.file for problem in error.problems):
-        lines = [f"  {problem}" for problem in error.problems]
+        placed = (replace(one, file="--set") if one.file == errors.CHANGES else one for one in error.problems)
+        lines = [f"  {problem}" for problem in placed]
         return "\n".join([f"{count(len(lines), 'problem')} in the study", *lines])
     return f"error: {error}"
 

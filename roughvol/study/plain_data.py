@@ -13,11 +13,10 @@ from typing import Any, NoReturn
 
 import yaml
 
-from roughvol.errors import Problem
+from roughvol.errors import CHANGES, Problem
 
 MAX_BYTES, MAX_DEPTH = 1 << 20, 20
 
-SET = "--set"  # the option, in place of a file
 TOO_LARGE = f"larger than {MAX_BYTES // 1024} KiB: heights belong in a file of their own (surface.file)"
 
 BREAKS = "[\x85\u2028\u2029]"  # YAML has them beside \n and \r
@@ -291,7 +290,7 @@ class Places:
             return problem
         key = problem.key
         if any(key == one or key.startswith((f"{one}.", f"{one}[")) for one in self.changed):
-            return replace(problem, file=SET)
+            return replace(problem, file=CHANGES)
         if self.arguments is not None:
             return replace(problem, argument=self.arguments.of(problem.key))
         if not self.file:

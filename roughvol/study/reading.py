@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from roughvol.errors import Problem, RoughvolDeprecation, StudyError, warn
+from roughvol.errors import CHANGES, Problem, RoughvolDeprecation, StudyError, warn
 from roughvol.study.former import renamed
 from roughvol.study.plain_data import (
     MAX_BYTES,
-    SET,
     TOO_LARGE,
     Arguments,
     KeyPath,
@@ -265,7 +264,7 @@ def set_key(data: dict[str, Any], marks: dict[KeyPath, tuple[int, int]], change:
         if value is None and keys[-1] in known and not change.rstrip().endswith("="):
             del held[keys[-1]]
     except ValueError as error:
-        raise StudyError([Problem(str(error), key_text(keys), file=SET)]) from error
+        raise StudyError([Problem(str(error), key_text(keys), file=CHANGES)]) from error
     for path in [path for path in marks if path[: len(keys)] == keys]:
         del marks[path]
     marks[keys] = _mark(marks, keys)
@@ -277,11 +276,11 @@ def _key_and_value(change: str) -> tuple[KeyPath, Any]:
     name, equals, text = change.partition("=")
     keys = key_path(name)
     if not equals or not keys:
-        raise StudyError([Problem(f"must be KEY=VALUE, as surface.m=6, given {show(change)}", file=SET)])
+        raise StudyError([Problem(f"must be KEY=VALUE, as surface.m=6, given {show(change)}", file=CHANGES)])
     try:
         return keys, Reading().read(f"value: {text.strip()}")["value"]
     except UnreadableError as error:
-        raise StudyError([Problem(f"{text.strip()!r}: {error}", name.strip(), file=SET)]) from error
+        raise StudyError([Problem(f"{text.strip()!r}: {error}", name.strip(), file=CHANGES)]) from error
 
 
 def _mark(marks: dict[KeyPath, tuple[int, int]], key: KeyPath) -> tuple[int, int]:

@@ -86,9 +86,32 @@ def test_a_rule_needs_keys_of_a_study() -> None:
     assert {key[0] for rule in RULES for key in rule.reads} <= sections
 
 
-def test_a_value_of_set_that_does_not_fit_the_surface_is_placed_at_set(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("viscosity", "words"),
+    [
+        ("46 mm2/s", "'mm^2/s' is a unit of kinematic viscosity, not of viscosity; allowed"),
+        ("1 mPas", "'mPas' is a unit of pressure, not of viscosity; did you mean 'mPa*s'?"),
+        ("1 pa*s", "not of viscosity; did you mean 'Pa*s'?"),
+    ],
+)
+def test_a_viscosity_in_another_unit_names_what_was_meant(viscosity: str, words: str) -> None:
+    flow = f"{{leak_rate: {{pressure_drop: 1 mbar, viscosity: {viscosity}}}}}"
+    text = f"surface: {{D: 2.3, m: 4}}\nrecord: {{transport: {{transmissivity: last}}, dimensional: {flow}}}"
+    key = "record.dimensional.leak_rate.viscosity"
+    assert [words in problem.message for problem in problems_of(text) if problem.key == key] == [True]
+
+
+def test_a_changed_value_is_placed_at_the_argument_in_python_and_at_the_option_of_a_command(tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text("surface: {D: 2.3, m: 4}\n", encoding="utf-8")
+    with pytest.raises(StudyError, match=r"^changes: surface\.m: must be"):
+        loads("surface: {D: 2.3, m: 4}", changes={"surface.m": "x"})
+    shown = CliRunner().invoke(main, ["check", str(tmp_path / "s.yaml"), "--set", "surface.m=x"])
+    assert "  --set: surface.m: must be" in shown.stderr
+
+
+def test_a_changed_value_that_does_not_fit_the_surface_is_placed_at_the_change(tmp_path: Path) -> None:
     np.save(tmp_path / "z.npy", np.random.default_rng(0).normal(size=(16, 16)))
     text = "surface: {file: z.npy, L: 1000, unit: um, sides: periodic}\nmaterial: {E: 1 MPa, nu: 0.5, thickness: 1 mm}"
     study = loads(text, file=tmp_path / "study.yaml", changes=["material.thickness=1 um"])
-    with pytest.raises(StudyError, match=r"^--set: material\.thickness: the layer has a thickness of"):
+    with pytest.raises(StudyError, match=r"^changes: material\.thickness: the layer has a thickness of"):
         check_surfaces(study)

@@ -166,7 +166,8 @@ def parse(text: str) -> Level:
     if name == "last" and not equals:
         return Level("last", leg=leg)
     name = SYMBOLS.get(name, name)
-    if not equals or name not in (kinds := (*STATE_KINDS, "step")):
+    kinds = (*STATE_KINDS, "step")
+    if not equals or name not in kinds:
         raise DatasetError(
             f"no state {text!r}{meant(name, (*kinds, 'last'))}; allowed: last, or KIND=VALUE with a KIND of "
             f"{', '.join(kinds)}, as pressure=0.5MPa; then a leg of a path, as pressure=0.5MPa, leg 2"

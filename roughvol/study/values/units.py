@@ -303,24 +303,31 @@ def _checked(unit: str, kind: str) -> str:
         return name
     dimension, allowed, _ = KINDS[kind]
     found = _dimension(unit)
+    if found is None and (of_power := _dimension(powers := _PLAIN_POWER.sub("^", unit))) not in (None, dimension):
+        unit, found = powers, of_power
     if found is None:
         refuse(f"'{printable(unit)[:40]}' is no known unit{_hint(unit, kind)}; allowed for a {kind}: {allowed}")
     if found != dimension:
         other = next((name for name, row in KINDS.items() if row.dimension == found), "another quantity")
-        refuse(f"'{unit}' is a unit of {other}, not of {kind}; allowed: {allowed}")
+        refuse(f"'{unit}' is a unit of {other}, not of {kind}{_hint(unit, kind)}; allowed: {allowed}")
     if kind == "length":
         refuse(f"'{unit}' is no unit of length of a study; allowed: {allowed}")
     return unit
 
 
 def _hint(unit: str, kind: str) -> str:
-    """Return what was meant by an unknown unit, empty if that is not known."""
+    """Return what was meant by an unknown unit or one of another kind, empty if that is not known."""
     if _MARK.match(unit):
         return "; a number has a point and no other mark, as 1000.5"
     powers = _PLAIN_POWER.sub("^", unit)
     meant = [powers] if _dimension(powers) == KINDS[kind].dimension else []
-    meant += [one for one in _listed(kind) if one.lower() == unit.lower()]
+    meant += [one for one in _listed(kind) if _joined(one) == _joined(unit)]
     return f"; did you mean '{meant[0]}'?" if meant else ""
+
+
+def _joined(unit: str) -> str:
+    """Return a unit without case and products: mpas of ``mPa*s``."""
+    return unit.lower().replace("*", "")
 
 
 def _listed(kind: str) -> list[str]:
