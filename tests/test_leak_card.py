@@ -14,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import roughvol
+from roughvol.analysis.leak_card import Part
 from roughvol.analysis.tables import number
 from roughvol.campaign import card as card_runs
 from roughvol.campaign.case_surface import surface_of
@@ -463,6 +464,24 @@ def test_fluid_pressure_gives_the_lifted_leak_with_the_dry_leak_named() -> None:
     small = replace(drawn, ways=(replace(way, leak=replace(way.leak, value=1e-11)), *drawn.ways[1:]))
     leak_card.panels(small)[0].draw(ax, small)
     assert ax.get_ylim()[0] < 1e-11  # of a leak far below the dry curve, too
+
+
+def test_an_interval_without_bounds_leaves_the_curve_of_a_card_to_be_read() -> None:
+    """Two surfaces far apart: the interval of their mean by t reaches 1e6 times farther than the loads of the sweep."""
+    card = roughvol.card(
+        _study(SEAL.replace("m: 4", "m: 5").replace("[1]", "2")), at="pressure=0.02 MPa", jobs=1
+    ).cards[""]
+    wide = Part("window", 1e6, "of two surfaces")
+    ways = tuple(replace(way, parts=(wide,), closing=replace(way.closing, parts=(wide,))) for way in card.ways)
+    wild = replace(card, ways=ways)
+    panel, ax = leak_card.panels(wild)[0], Figure().add_subplot()
+    assert "longer bars are cut at 10 times the largest load" in panel.caption
+    assert "cut" not in leak_card.panels(replace(card, ways=tuple(replace(w, parts=()) for w in card.ways)))[0].caption
+    panel.draw(ax, wild)
+    largest = max(float(surface.table["nominal_pressure"].max()) for surface in card.surfaces)
+    assert ax.get_xlim()[1] < 12.0 * largest < max(way.closing.interval[1] for way in wild.ways)
+    stored = max(float(surface.table["leak_rate"].max()) for surface in card.surfaces)
+    assert ax.get_ylim()[1] < 1e4 * stored < max(way.interval[1] for way in wild.ways)
 
 
 def test_the_second_leg_of_a_path_has_a_card() -> None:

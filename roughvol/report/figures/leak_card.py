@@ -28,7 +28,8 @@ from roughvol.report.figures.ways import CLOSED, FAINT, draw_flow, draw_flux, fl
 SANS = read_style("card")
 PANEL = (3.3, 3.1)  # inches, at the width of a figure on the page: its type has the size of the page's
 CROWDED = 50.0  # ratio of the ends of an axis from which on only powers of ten are labelled
-LEAST = 1e-3  # factor at which a bar down to 0 ends
+LEAST = 1e-3  # factor at which a bar down to 0 ends; 1/LEAST that of a bar upwards, and of a leak
+FAR = 10.0  # loads beyond this multiple of those of the curves are cut, so that the curves can be read
 LEGEND: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "ncols": 2, "borderaxespad": 0.1}
 LEGEND |= {"handlelength": 1.4, "columnspacing": 0.9, "handletextpad": 0.5}
 GRIDS = {"": "1", "twice the spacing": "2", "four times the spacing": "4"}
@@ -56,6 +57,9 @@ def panels(card: Card) -> list[Panel]:
         ),
         "the band is the interval of the loads": any(math.isfinite(way.closing.factor) for way in card.ways)
         and not several,
+        f"longer bars are cut at {FAR:g} times the largest load": any(
+            _farthest(card) < way.closing.interval[1] < math.inf for way in card.ways
+        ),
     }
     words = f"{'; '.join([f'{kind}{dry} against load{leg}', *(said for said, there in drawn.items() if there)])}."
     found = [Panel("leak", words, _against_load)]
@@ -88,25 +92,30 @@ def drawing_of(card: Card, panel: Panel) -> Drawing:
 def _against_load(ax: Axes, card: Card) -> None:
     """Draw the leak over the load, where the ways close, and leak and error at the load of the card."""
     family = _family(card)
-    known = [leak for way in card.ways for leak in (*way.interval, way.leak.value) if math.isfinite(leak)]
-    flow_axis(ax, np.append(family.data["leak"].values, known))
+    leaks = np.append(family.data["leak"].values, [way.leak.value for way in card.ways])
+    most = np.nanmax(leaks, initial=0.0) / LEAST
+    known = [min(leak, most) for way in card.ways for leak in way.interval if math.isfinite(leak)]
+    flow_axis(ax, np.append(leaks[np.isfinite(leaks)], known))
     unit = card.ways[0].unit
     ax.set(xlabel=_load_label(card), ylabel=f"leak [{unit_text(unit)}]" if unit else "leak T* V*³")
     handles, dry = [], ", dry" * card.lifted + ", leg 1" * has_legs(card)
     at = _load(card)
     reach = float(np.nanmax(family.data[_load_name(card)].values))
+    far = _farthest(card)
     for order, way in enumerate(card.ways):
         members = ways(family, _load_name(card), "leak", way.axis)
         if members:
             draw_flow(ax, family, members, way.axis, alone=True)
         look = look_of(family, way.axis, alone=True)
         if len(members) == 1 and math.isfinite(way.closing.factor):
-            ends = members[0].load / way.closing.smaller, members[0].load * way.closing.factor
+            ends = members[0].load / way.closing.smaller, np.minimum(members[0].load * way.closing.factor, far)
             ax.fill_betweenx(members[0].value, *ends, color=look["color"], alpha=FAINT, lw=0, zorder=2)
         low, high = way.closing.interval
         if math.isfinite(high):
             height = ax.get_ylim()[0] * (1.3 + 0.4 * order)
-            ax.plot([low, high], [height, height], color=look["color"], lw=2.5, solid_capstyle="butt", zorder=6)
+            ax.plot(
+                [low, min(high, far)], [height, height], color=look["color"], lw=2.5, solid_capstyle="butt", zorder=6
+            )
         handles.append(Line2D([], [], label=f"along {way.axis}{dry}", color=look["color"], ls=look["ls"]))
         if way.leak.value > 0.0 and math.isfinite(at):
             low, high = way.interval
@@ -147,6 +156,13 @@ def _load(card: Card) -> float:
 
 def _load_name(card: Card) -> str:
     return "nominal_pressure" if card.pressure_unit else "mean_pressure"
+
+
+def _farthest(card: Card) -> float:
+    """Return the load at which a longer bar is cut."""
+    steps = (float(np.nanmax(first_leg(surface.table)[_load_name(card)].values)) for surface in card.surfaces)
+    loads = (*steps, _load(card), *(way.closing.value for way in card.ways))
+    return FAR * max(filter(math.isfinite, loads))
 
 
 def _load_label(card: Card) -> str:
@@ -206,7 +222,7 @@ def _budget(ax: Axes, card: Card) -> None:
             place, (smaller, larger) = row + 0.2 - 0.4 * order, factors.get(name, (math.nan, math.nan))
             if math.isfinite(larger):
                 low = max(1.0 / smaller, LEAST)
-                width = max(larger, 1.0 + 1e-9) - low
+                width = min(max(larger, 1.0 + 1e-9), 1.0 / LEAST) - low
                 ax.barh(place, width, left=low, height=0.35, color=look["color"], label=f"along {way.axis}")
             elif name in factors:
                 of_panel = ax.get_yaxis_transform()
