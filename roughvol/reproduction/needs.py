@@ -95,8 +95,8 @@ class Needs:
             end = f"sweep to {run.end}" if run.end else "no sweep"
             yield f"{end}, needs one to {self.end}"
         yield from self._of_solver(run)
-        if self.steps and run.study is not None and run.study.record.region is not None:
-            yield f"observes {run.study.record.region.label}, needs the whole surface"
+        if self.steps:
+            yield from self._of_model(run)
         if self.L and abs(run.L - self.L) > SAME * self.L:
             yield f"L = {run.L:g}, needs L = {self.L:g}"
         if self.L and run.scaled:
@@ -111,6 +111,14 @@ class Needs:
             yield "pressures end at a hardness, needs elastic contact"
         if "leg" in run.dataset:
             yield "a path of legs, needs one sweep"
+
+    def _of_model(self, run: ClaimRun) -> Iterable[str]:
+        if run.study is None:
+            return
+        if run.study.record.region is not None:
+            yield f"observes {run.study.record.region.label}, needs the whole surface"
+        if run.study.kernel(run.study.surface.length_unit).lengths:
+            yield "presses a layer, needs a half space"
 
     def _of_solver(self, run: ClaimRun) -> Iterable[str]:
         if run.steps and run.rtol > self.rtol * (1.0 + SAME):
@@ -188,6 +196,7 @@ class Rolled(Needs):
         elif max(ratios) < self.resolved * (1.0 - SAME):
             yield f"λ_s/δ = {max(ratios):g}, needs {self.resolved:g}"
         yield from self._of_solver(run)
+        yield from self._of_model(run)
 
     def _incomplete(self, run: ClaimRun) -> Iterable[str]:
         if reasons := list(super()._incomplete(run)):
@@ -227,7 +236,9 @@ class Files(Needs):
         assert run.study is not None
         if run.study.surface.sides != self.sides:
             yield f"sides {run.study.surface.sides}, needs {self.sides}"
+        yield from self._of_path(run)
         yield from self._of_solver(run)
+        yield from self._of_model(run)
 
     def _incomplete(self, run: ClaimRun) -> Iterable[str]:
         return ()

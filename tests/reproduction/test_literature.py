@@ -21,7 +21,7 @@ from roughvol.reproduction.literature import LITERATURE
 from roughvol.reproduction.literature import given_surfaces as given
 from roughvol.reproduction.literature import random_surfaces as rough
 from roughvol.reproduction.literature.published import judged
-from roughvol.reproduction.needs import Rolled
+from roughvol.reproduction.needs import Files, Rolled
 from roughvol.store import dataset
 from roughvol.study import loads
 from tests.bench import framework_surface
@@ -264,6 +264,26 @@ def test_needs_see_what_a_run_is(runs: dict[str, Path]) -> None:
     assert Rolled(("critical_gap",)).unfit(run) == ("no h_c,i/σ recorded",)
     fewer = dataclasses.replace(run, dataset=run.dataset.isel(seed=[0]))
     assert Rolled(seeds=2).unfit(fewer) == ("1 surface of D = 2.2, m = 3 computed, needs 2",)
+
+
+def test_needs_see_what_is_pressed_and_observed(runs: dict[str, Path]) -> None:
+    results, needs = dataset.read(runs["rough"]), Rolled()
+
+    def unfit(change: str) -> str:
+        study = loads(str(results.attrs["study"]), stored=True, changes=[change]).to_yaml()
+        return "; ".join(needs.unfit(ClaimRun.of("rough", results.assign_attrs(study=study))))
+
+    assert unfit("comment=the same") == ""
+    assert unfit("record.region=interior").endswith("needs the whole surface")
+    assert unfit("material={E: 1, nu: 0.3, thickness: 10}") == "presses a layer, needs a half space"
+
+
+def test_a_file_is_pressed_elastically_in_one_sweep(runs: dict[str, Path]) -> None:
+    results = dataset.read(runs["mirco"])
+    needs = Files(names=tuple(map(str, results["case"].values)), sides="free")
+    assert needs.unfit(ClaimRun.of("mirco", results)) == ()
+    yields = results.assign(plastic_volume=0.0 * results.free_volume)
+    assert needs.unfit(ClaimRun.of("mirco", yields)) == ("pressures end at a hardness, needs elastic contact",)
 
 
 def test_another_surface_under_the_name_fails(runs: dict[str, Path]) -> None:
