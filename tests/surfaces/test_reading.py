@@ -175,6 +175,7 @@ MISSING = {
     "nan.npy": npy(HOLED),
     "inf.npy": npy(np.where(HOLES, -np.inf, HEIGHTS)),
     "sentinel.npy": npy(np.where(HOLES, -9999.0, HEIGHTS)),
+    **{f"{mark}.txt": rows(np.where(HOLES, mark, HEIGHTS)) for mark in (-32768, 32767, 65535, 2147483647)},
     "large sentinel.npy": npy(np.where(HOLES, 1e10, HEIGHTS)),
     **{f"{mark:g}.npy": npy(np.where(HOLES, mark, HEIGHTS)) for mark in MARKS},
     **{f"{mark:g} f4.npy": npy(np.where(HOLES, mark, HEIGHTS).astype("f4")) for mark in MARKS},

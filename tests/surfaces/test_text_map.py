@@ -44,6 +44,17 @@ def test_tilted_grooves_are_heights(tmp_path, axis):
     same(put(tmp_path / "grooves.csv", rows(grooves, ";")), grooves)
 
 
+@pytest.mark.parametrize("mark", ["-1.#IND", "1.#QNAN00", "#DIV/0!", "#N/A", "No Data", "NoData", "no_data", "invalid"])
+@pytest.mark.parametrize("between", [" ", "\t", ";"])
+def test_marks_of_other_programs_are_missing_heights(tmp_path, mark, between):
+    first = np.where(np.arange(5) == 0, np.nan, HOLED)  # in the first line, too
+    same(put(tmp_path / "z.txt", rows(first, between, mark) + f"# {mark}\n"), first, holes=True)
+
+
+def test_a_minus_sign_of_typesetting_is_a_minus(tmp_path):
+    same(put(tmp_path / "z.txt", rows(HEIGHTS).replace("-", "\u2212")), HEIGHTS)
+
+
 def test_a_coarsely_printed_slope_is_heights(tmp_path):
     x, y = np.indices((12, 12))
     slope = np.round(0.31 * x + 0.17 * y + 0.04 * np.sin(3 * x * y), 1)
@@ -127,6 +138,7 @@ REFUSED = {
     "cut.asc": ("ncols 6\nnrows 5\ncellsize 1\n" + rows(HEIGHTS.T[:2]), "holds 12 heights; its header gives 5 x 6"),
     "huge.asc": ("ncols 1000000000\nnrows 1000000000\ncellsize 1\n1 2 3\n", "holds 3 heights"),
     "empty.xyz": ("", "holds no numbers"),
+    "list.txt": (repr(HEIGHTS.tolist()), "holds no numbers, or words in each line of them; allowed: numbers alone"),
     "nothing.txt": ("# none yet\n", "holds no numbers"),
 }
 

@@ -18,9 +18,14 @@ from roughvol.surfaces.files.description import NotRead, first_bytes
 from roughvol.typing import Array
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?|[-+]?(?:inf|infinity)", re.IGNORECASE)
-_MISSING = re.compile(r"|[-+]?nan|na|n/a|#n/a|null|none|bad|void|\*+|-+|\?+", re.IGNORECASE)
+_SHEET = r"#(?:n/a|div/0!|num!|value!|ref!|null!)"  # of a spreadsheet
+_C = r"[-+]?1\.#(?:ind|qnan|snan|inf)0*"  # of the C library of Windows
+_MISSING = re.compile(
+    rf"|[-+]?nan|na|n/a|{_SHEET}|{_C}|null|none|bad|void|no_?data|invalid|undefined|\*+|-+|\?+", re.IGNORECASE
+)
+_NO_DATA = re.compile(r"\bno data\b", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
-_COMMENT = re.compile(r"#(?!N/A).*", re.IGNORECASE)
+_COMMENT = re.compile(rf"(?<!1\.)(?!{_SHEET})#.*", re.IGNORECASE)
 _SAMPLE = 50  # lines searched for the delimiter
 _HEAD = 4096  # bytes searched for control characters
 
@@ -47,7 +52,8 @@ def split(path: Path) -> Text:
     lines = numbered(path)
     first = next((index for index, (_, line) in enumerate(lines) if _is_data(line)), None)
     if first is None:
-        raise SurfaceError(f"{path}: holds no numbers")
+        allowed = "allowed: numbers alone, set apart by blanks, tabs, semicolons or commas"
+        raise SurfaceError(f"{path}: holds no numbers, or words in each line of them; {allowed}")
     header = [(number, line.strip()) for number, line in lines[:first] if line.strip()]
     data = [(number, bare) for number, line in lines[first:] if (bare := _bare(line))]
     comments = [(number, line.strip()) for number, line in lines[first:] if line.lstrip().startswith("#")]
@@ -64,6 +70,7 @@ def numbered(path: Path) -> list[tuple[int, str]]:
             text = content.decode("utf-8-sig")
         except UnicodeDecodeError:
             text = content.decode("latin-1")  # µ is one byte there
+    text = text.replace("\u2212", "-")  # the minus sign of typesetting
     return list(enumerate(re.split("\r\n|\r|\n", text), start=1))  # str.splitlines also breaks at form feeds
 
 
@@ -128,6 +135,7 @@ def _value(path: Path, number: int, cell: str) -> float:
 
 def _bare(line: str) -> str:
     """Return a line without its comment. Delimiters at its ends stay: cells there may be empty."""
+    line = _NO_DATA.sub("nodata", line) if "ata" in line or "ATA" in line else line
     return (_COMMENT.sub("", line) if "#" in line else line).strip(" \r\f\x1a")
 
 
