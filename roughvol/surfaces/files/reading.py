@@ -36,8 +36,8 @@ MAX_BYTES = 1 << 32  # like MAX_NODES far above the size of any contact problem
 TEXT = (".txt", ".csv", ".xyz", ".dat", ".asc")
 TIFF = (".tif", ".tiff")
 GRID = ".grd"  # an ending of many programs
-SENTINELS = (-9999.0, 9999.0, -99999.0, 99999.0, -999999.0, 1e10)
-SENTINELS += (-32768.0, 32767.0, 65535.0, -2147483648.0, 2147483647.0)  # the limits of whole numbers
+LIMITS = (-32768.0, 32767.0, 65535.0, -2147483648.0, 2147483647.0)  # of whole numbers
+SENTINELS = (-9999.0, 9999.0, -99999.0, 99999.0, -999999.0, 1e10, *LIMITS)
 BEYOND = 9e36  # pm or more: no height. Programs mark missing heights with larger numbers: 9.97e36, 1.70141e38, -3.4e38
 _FAR = 3.0  # least distance of a mark of missing heights from the others, over their range
 
