@@ -127,6 +127,8 @@ CONVERTED = {
     "german.txt": ("# Breite: 3 µm\n# Höhe: 2.5 µm\n# Einheiten: nm\n" + rows(NANOMETRES.T), ""),
     "hw.txt": ("h=5 w=6\npixel size = 5e-7 m\nheight conversion factor (-> m) = 1e-9\n" + rows(NANOMETRES.T), ""),
     "points.csv": ("X [µm];Y [µm];Z [nm]\n" + rows(SHUFFLED * [1, 1, 1e3], ";"), ""),
+    "points-below.csv": ("X;Y;Z\nµm;µm;nm\n" + rows(SHUFFLED * [1, 1, 1e3], ";"), ""),
+    "points-below.txt": ('"x"\t"y"\t"z"\n[um]\t[um]\t[nm]\n' + rows(SHUFFLED * [1, 1, 1e3], "\t"), ""),
     "yx.nc": (_gridded("nm"), ""),
     "image.stp": (wsxm(HEIGHTS[:, ::-1], (6 * PIXEL, 5 * PIXEL)), ""),
     "image.nms": (nms(HEIGHTS, 500.0, 500.0), L),

@@ -5,8 +5,8 @@ the lines (Width, ncols) makes that axis x, and the array the transpose of the t
 coordinates: both axes ascend with the index. Nodes of a grid without a point are missing (NaN).
 
 Known header lines are the exports of Gwyddion (``# Width: 10.00 µm``), ESRI ASCII grids, units of heights alone, and
-names of columns with their units (``X [µm]; Y [µm]; Z [nm]``). Any other line with a size or a unit is kept as
-``unclear``: ignored, it might scale the map wrongly.
+names of columns with their units (``X [µm]; Y [µm]; Z [nm]``, or units in the next line). Any other line with a size
+or a unit is kept as ``unclear``: ignored, it might scale the map wrongly.
 
 The readers of SurfaceTopography skip every line that is not numbers: a row with ``***`` is lost. They take no decimal
 commas, semicolons, ESRI headers or NODATA values.
@@ -159,7 +159,7 @@ def _taken(header: Header, path: Path, bare: str, place: str) -> bool:
         header.channel = match[1].strip()
     elif match := _HEIGHTS_UNIT.fullmatch(bare):
         header.heights_unit = length_unit(path, match[1], place) or header.heights_unit
-    elif columns := _columns(bare):
+    elif columns := _columns(bare) or (_units(bare) if header.points else []):
         header.points, header.source = True, place
         x, y, header.heights_unit = (length_unit(path, unit, place) if unit else None for unit in columns)
         if x and y and x != y:
@@ -186,6 +186,12 @@ def _columns(bare: str) -> list[str | None]:
     names = [column[1].lower() for column in columns]
     named = len(names) == 3 and names[:2] == ["x", "y"] and names[2] not in "xy"
     return [column[2] for column in columns] if named else []
+
+
+def _units(bare: str) -> list[str | None]:
+    """Return the units in a line below the names of columns x, y and z, as ``µm;µm;nm``; else nothing."""
+    units = [cell.strip("[]()") for cell in re.split(r"[;,\s]+", bare.replace('"', ""))][:3]
+    return [*units] if len(units) == 3 and all(map(length_units.named, units)) else []
 
 
 def _not_understood(path: Path, line: tuple[int, str], remedy: str = "") -> NotRead:
