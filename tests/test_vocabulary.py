@@ -178,6 +178,19 @@ def test_the_study_of_a_small_map_has_a_unit_of_its_size(maps: None, unit: str, 
     assert "L = 22 um" in said("check", "small.yaml")
 
 
+def test_the_height_of_a_count_is_to_be_filled_in(here: Path) -> None:
+    counts = np.rint(100.0 * np.random.default_rng(0).normal(size=(12, 12)) + 1000.0).astype("u2")
+    pytest.importorskip("tifffile").imwrite("counts.tif", counts)
+    assert "fill in surface.L and surface.heights_unit, which counts.tif does not give" in said("init", "counts.tif")
+    section = yaml.safe_load(Path("counts.yaml").read_text(encoding="utf-8"))["surface"]
+    assert section["heights_unit"] == "FILL IN, as 0.95 nm"
+    Path("counts.yaml").unlink()
+    told = said("init", "counts.tif", "--set", "surface.L=22 um", "--set", "surface.heights_unit=1 nm")
+    assert "fill in" not in told
+    Path("counts.yaml").unlink()
+    assert "surface.heights_unit" in said("init", "counts.tif", "--set", "surface.against.file=counts.tif")
+
+
 # help and completion
 
 

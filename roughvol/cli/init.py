@@ -21,6 +21,7 @@ from roughvol.store import stamped_file
 SCAN = "scan.txt"
 TO_FILL_IN = {"L": "500 um", "unit": "um", "heights_unit": "um"}  # what a height map may lack, with an example
 DECIDED = {"resample": "square", "missing": "interpolate"}  # what oblong pixels and unknown heights need
+COUNT = "0.95 nm"  # the height of a count
 READABLE = "um"  # the unit of a study of a map that is far smaller than the unit in its file
 FAR_SMALLER = 0.1
 SIDES = "# sides: mirrored, the map is a part of a joint; free, a block of its size; periodic, one period of a plane"
@@ -119,7 +120,7 @@ def _write_study_of_map(path: Path, example: str, changes: Sequence[str]) -> Non
 
     absent: dict[str, str] = {}
     while lacking := _lacking(study(absent), f"{name}.yaml", absent.keys() | given["surface"].keys()):
-        absent |= {key: (TO_FILL_IN | DECIDED)[key] for key in lacking}
+        absent |= lacking
     if small := _small(study(absent), f"{name}.yaml", absent.keys() | given["surface"].keys()):
         given["surface"]["unit"] = READABLE
     to_fill_in = {key: f"FILL IN, as {value}" for key, value in absent.items() if key in TO_FILL_IN}
@@ -134,24 +135,33 @@ def _write_study_of_map(path: Path, example: str, changes: Sequence[str]) -> Non
     say(f"next: roughvol check {name}.yaml --look")
 
 
-def _lacking(study: str, file: str, known: Set[str]) -> list[str]:
-    """Return the keys of lengths, units and treatment that a study of a map lacks, beside those that are known."""
+def _lacking(study: str, file: str, known: Set[str]) -> dict[str, str]:
+    """Return the keys of lengths, units and treatment that a study of a map lacks, with an example of each.
+
+    Keys that are known are not among them.
+    """
     from roughvol.campaign.case_surface import surface_of
     from roughvol.study import loads
+    from roughvol.surfaces.files import reading
 
     try:
         case = loads(study, file).cases()[0]
     except StudyError as error:
         keys = [problem.key.removeprefix("surface.") for problem in error.problems if "missing" in problem.message]
-        if lacking := [key for key in keys if key in TO_FILL_IN | DECIDED and key not in known]:
+        examples = TO_FILL_IN | DECIDED
+        if lacking := {key: examples[key] for key in keys if key in examples and key not in known}:
             return lacking
         raise StudyError([replace(problem, file="", line=None) for problem in error.problems]) from None  # not written
     try:
         surface_of(case)
     except SurfaceError as error:  # others are those of `roughvol check`
         if "surface.missing" in str(error) and "missing" not in known:
-            return ["missing"]
-    return [] if case.length_unit else ["unit"]
+            return {"missing": DECIDED["missing"]}
+    if not case.length_unit:
+        return {"unit": TO_FILL_IN["unit"]}
+    body = case.bodies[0]
+    counts = body.numbers_in is None and reading.describe(body.file, body.variable).counts
+    return {"heights_unit": COUNT} if counts and "heights_unit" not in known else {}
 
 
 def _small(study: str, file: str, known: Set[str]) -> str:
