@@ -11,13 +11,16 @@ docs/how-to/read-offs.md).
 
 A way closes between its last open step and the next step, or at its solved closing load. Until then the leak lies
 between 0 and that of the open step. Its value is on the straight line to 0, as in `at`.
+
+A step of a seal has one load, at which most of its patches are read off. The leak of the seal rises with that of each
+patch. So it lies between two seals: all patches at the lower ends of their readings, and all at the upper ends.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -77,7 +80,7 @@ class Curve:
     """The leak of one surface, by its file or seed, along the first leg of a sweep: arrays over the steps.
 
     The nominal pressure rises, the leak is 0 where closed, ``starred`` is p*. Pressure, leak and ``Sq`` have the units
-    of the study.
+    of the study. ``between`` has the lower and the upper curve of a seal, whose steps are read off.
     """
 
     surface: str
@@ -85,6 +88,7 @@ class Curve:
     leak: Array
     starred: Array
     Sq: float
+    between: tuple[Curve, ...] = ()
 
     @cached_property
     def closing(self) -> Span:
@@ -122,6 +126,8 @@ class Curve:
             high[known] = np.minimum(np.exp(cubic[known] + error[known]), most)
         for array in (value, low, high):
             array[pressures >= closed_from * (1.0 - REACHED)] = 0.0
+        if self.between:
+            low, high = self.between[0].at(pressures).low, self.between[1].at(pressures).high
         return Reading(value, low, high)
 
     def load_where(self, log_wanted: Callable[[Array], Array]) -> LoadReading:
@@ -129,6 +135,9 @@ class Curve:
 
         ``log_wanted`` returns the log of the value at logarithms of nominal pressures; it does not fall.
         """
+        if self.between:
+            lower, upper = (curve.load_where(log_wanted) for curve in self.between)
+            return replace(replace(self, between=()).load_where(log_wanted), low=lower.low, high=upper.high)
         x, y = self._logs
         above = np.flatnonzero(y > log_wanted(x) + REACHED)  # a step that misses the value by less has it
         if not above.size:
@@ -287,15 +296,23 @@ def _of_seal(run: Dataset, tables: list[tuple[str, Dataset]], patch: Patch) -> C
         each_alone = [table.expand_dims("seed") for _, table in tables]
         loads = [[solved_loads(table, axis, "nominal_pressure")[0] for axis in patch.axes] for table in each_alone]
         end = _sheet_closes(tables, patch, np.array(loads))
-    if end <= high:  # a solved closing load is a closed step
+    if end <= high and math.isfinite(end):  # a solved closing load is a closed step
         pressure = np.append(pressure[pressure < end * (1.0 - REACHED)], max(end, low))
-    leaks = np.stack([[curve.at(pressure).value for curve in ways[axis]] for axis in AXES], axis=-1)
-    values = np.moveaxis(patch.conductances(leaks, in_units=True), 1, 0)[:, :, np.newaxis]
-    found = [conductance_of(some, patch.patches, isotropic=isotropic, draws=FEW_DRAWS).value for some in values]
-    leak = np.where(pressure < end * (1.0 - REACHED), found, 0.0) * patch.squares
-    starred = longest.starred[-1] / longest.pressure[-1]
+    readings = [[curve.at(pressure) for curve in ways[axis]] for axis in AXES]
+    starred = pressure * (longest.starred[-1] / longest.pressure[-1])
     Sq = float(np.mean([curve.Sq for curve in ways[patch.seal.flow]]))
-    return Curve(SEAL, pressure, leak, pressure * starred, Sq)
+
+    def seal(part: str, between: tuple[Curve, ...] = ()) -> Curve:
+        """Return the curve of the seal of one part of the readings of its patches."""
+        leaks = np.moveaxis(np.array([[getattr(reading, part) for reading in along] for along in readings]), 0, -1)
+        values = np.moveaxis(patch.conductances(leaks, in_units=True), 1, 0)[:, :, np.newaxis]
+        found = [conductance_of(some, patch.patches, isotropic=isotropic, draws=FEW_DRAWS).value for some in values]
+        leak = np.where(pressure < end * (1.0 - REACHED), found, 0.0) * patch.squares
+        return Curve(SEAL, pressure, leak, starred, Sq, between)
+
+    if all(np.array_equal(reading.low, reading.high) for along in readings for reading in along):
+        return seal("value")
+    return seal("value", (seal("low"), seal("high")))
 
 
 def surfaces(run: Dataset) -> list[tuple[str, Dataset]]:

@@ -323,10 +323,8 @@ def narrower(run: Dataset, answers: Sequence[Answer], *, closed: bool) -> list[s
     solved within the sweep alone. Empty if the study does not take the changes.
     """
     unit = str(run["nominal_pressure"].attrs["units"]) if "nominal_pressure" in run else ""
-    nominal = [answer.nominal for answer in answers if answer.found and answer.nominal.low < answer.nominal.high]
-    found = sorted(
-        {float(f"{load:.5g}") for reading in nominal for load in np.geomspace(reading.low, reading.high, AROUND)}
-    )
+    within = [_within(answer) for answer in answers if answer.found and answer.nominal.low < answer.nominal.high]
+    found = sorted({float(f"{load:.5g}") for ends in within for load in np.geomspace(*ends, AROUND)})
     beyond, possible = any(map(is_beyond, answers)), list[str]()
     farther = beyond and (not closed or "plastic_volume" in run)
     if closed and closing.SOLVED not in run and (found or beyond) and not farther:
@@ -345,6 +343,12 @@ def narrower(run: Dataset, answers: Sequence[Answer], *, closed: bool) -> list[s
             continue
         return changes
     return []
+
+
+def _within(answer: Answer) -> tuple[float, float]:
+    """Return the ends of the interval of a load; at an end that is not known, the step beside the load."""
+    load, (before, after) = answer.nominal, answer.steps
+    return load.low or before or load.value, load.high if math.isfinite(load.high) else after
 
 
 def is_beyond(answer: Answer) -> bool:

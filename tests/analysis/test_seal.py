@@ -427,6 +427,26 @@ def test_a_seal_is_read_off_from_the_load_that_all_surfaces_have(here: Path) -> 
     assert words in said("ask", "joint", "--leak-rate", "1 m^3/s")
 
 
+def test_the_interval_of_a_seal_has_those_of_its_patches(here: Path) -> None:
+    """Patches close between the steps. At the first load of all surfaces the lower end is not known."""
+    surface = "surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: [32, 33], sides: mirrored}"
+    _, _, rest = TEXT.partition("\nmaterial: {E_star: 10 MPa}")
+    text = f"{surface}\nmaterial: {{E: 10 MPa, nu: 0.5}}{rest}".replace("120 mm, width: 2 mm", "1 mm, width: 300 um")
+    loads = [0.024, 0.06, 0.08, 0.1]
+    listed = f"pressures: [{', '.join(f'{load} MPa' for load in loads)}]"
+    ran("coarse", text.replace("steps: 8", "steps: 4"))
+    ran("solved", text.replace("steps: 8, to: percolation", listed))
+    lows = []
+    for load, row in zip(loads, answered("show", "solved")["rows"][: len(loads)], strict=True):
+        found = answered("ask", "coarse", "--leak-rate", f"{row['seal_leak_rate']} mm^3/s")
+        low, high = found["answers"][0]["interval"]
+        assert low <= load <= high
+        lows.append(low)
+        assert found["narrower"].count(" MPa") == 5
+    assert lows[0] == 0.0
+    assert min(lows[1:]) > 0.0
+
+
 def test_a_seal_leaks_no_more_beyond_its_solved_closing_load(tmp_path: Path) -> None:
     text = COARSE.replace("transmissivity: every-step", "transmissivity: every-step, closing: true")
     text = text.replace("steps: 8, to: percolation", "steps: 4, to: {pressure: 0.04 MPa}")
