@@ -9,6 +9,7 @@ import numpy as np
 from roughvol.contact.loading import Contact
 from roughvol.observables import regions
 from roughvol.observables.regions import Values, View
+from roughvol.observables.variables import OF_YIELD
 from roughvol.study import Case
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array
@@ -26,8 +27,7 @@ def largest_pressure(case: Case, surface: Surface) -> float | None:
 
 def shares(view: View) -> Values:
     """Return plastic volume and yielded area."""
-    names = ("plastic_volume", "plastic_area_fraction") if view.case.plastic else ()
-    return {name: getattr(view.state, name) for name in names}
+    return {name: getattr(view.state, name) for name in (OF_YIELD if view.case.plastic else ())}
 
 
 def above_hardness(view: View) -> Values:

@@ -143,6 +143,8 @@ MEAN_ENDS = tuple(with_means("", Variable("", "1", "", "")))[1:]
 """Ends of the names of a mean over surfaces and its errors, as ``_mean`` and ``_interval``."""
 OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
 """Numbers that every state has, between two steps as well."""
+OF_YIELD = ("plastic_volume", "plastic_area_fraction")
+"""Numbers of every state of a surface that yields, and of no other."""
 OF_TABLES = ("run", "state", "surfaces", "reached", "closed_before")
 """Columns of tables of states beside the numbers."""
 STATES = tuple(name for name, row in VARIABLES.items() if row.source == "study.sections.sweep.Select.levels")

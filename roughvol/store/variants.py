@@ -15,7 +15,7 @@ import numpy as np
 from xarray import DataArray, Dataset
 
 from roughvol.errors import DatasetError, StudyError
-from roughvol.observables.variables import MEAN_ENDS, STATES, VARIABLES
+from roughvol.observables.variables import MEAN_ENDS, OF_YIELD, STATES, VARIABLES
 from roughvol.store import dataset
 from roughvol.study import AXES, Axis, Study, Variant, loads
 
@@ -154,7 +154,9 @@ def parts_of(results: Dataset) -> list[Part]:
         if labels.keys() != set(held) or any(label not in stored[name] for name, label in labels.items()):
             continue
         others = tuple(ending for words, ending in endings.items() if words != variant.words)
-        part = results.sel(labels).drop_vars(held).assign_attrs(study=variant.study.stored())
+        of_others = () if variant.study.material.yields else OF_YIELD  # numbers of combinations that yield
+        part = results.sel(labels).drop_vars(held).drop_vars(of_others, errors="ignore")
+        part = part.assign_attrs(study=variant.study.stored())
         for name, of_all in lines.items():
             own = (line.removesuffix(endings[variant.words]) for line in of_all if not line.endswith(others))
             part.attrs[name] = "\n".join(own)

@@ -535,3 +535,22 @@ record: {transport: {closing: true}}
     assert found[0] == found[1]
     (x, *_), (y, *_) = found[0]
     assert 0.05 < x < 0.11 < y == math.inf
+
+
+def test_the_elastic_combination_of_several_hardnesses_is_asked_as_an_elastic_run(tmp_path: Path) -> None:
+    text = """
+surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: [1]}
+sweep: {pressures: [0.02 MPa, 0.05 MPa, 0.09 MPa]}
+record:
+  transport: {transmissivity: every-step}
+  dimensional: {leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s}}
+material: {E_star: 10 MPa"""
+    alone = roughvol.run(loads(f"{text}}}"), jobs=1, out=tmp_path / "alone")
+    several = roughvol.run(loads(f"{text}, hardness: [none, 1 MPa]}}"), jobs=1, out=tmp_path / "several")
+    elastic, yields = (several.sel(hardness=[label]) for label in (math.inf, 1.0))
+    largest = f"{float(alone.leak_rate.sel(step=2, axis='x').item()):.6g} mm^3/s"
+    asked: dict[str, Any] = {"leak_rate": largest, "unknown": "modulus", "at": "pressure=0.05 MPa"}
+    with pytest.raises(StudyError, match="allowed: for pressure"):
+        roughvol.ask(yields, **asked)
+    expected, found = (roughvol.ask(ds, **asked).answers for ds in (alone, elastic))
+    assert [answer.value for answer in found] == [answer.value for answer in expected]
