@@ -17,7 +17,7 @@ from roughvol.observables import void
 from roughvol.observables.pressures import largest_pressure
 from roughvol.observables.regions import State, window, within
 from roughvol.study import STARRED, Case, Level
-from roughvol.study.values.state_kinds import REACHED, slack
+from roughvol.study.values.state_kinds import REACHED, Starred, slack
 from roughvol.surfaces.surface import Surface
 
 LAST = Level("last")
@@ -211,5 +211,8 @@ def check_touch(level: Level, case: Case, surface: Surface, untouched: Contact) 
     """Refuse a sweep to a free volume or a separation that is not below that of the first touch."""
     most = _at_touch(level, case, surface, untouched)
     if (level.value or 0.0) >= most:
-        message = f"{level.label} lies before the first touch; allowed: below {most:.6g} σ, that of the first touch"
+        named = isinstance(level.value, Starred) and case.length_unit is not None
+        length = f" = {most * surface.unit:.6g} {case.length_unit}" if named else ""
+        allowed = f"below {most:.6g} σ{length}, that of the first touch"
+        message = f"{level.label} lies before the first touch; allowed: {allowed}"
         raise ContactError(message)
