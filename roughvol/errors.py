@@ -51,7 +51,11 @@ def nearest_word(word: str, known: Iterable[str]) -> str | None:
 
 def meant(word: str, known: Iterable[str]) -> str:
     """Return the question for the known word most similar to ``word``, for a message; empty without one."""
-    near = nearest_word(word, known)
+    return question(nearest_word(word, known))
+
+
+def question(near: str | None) -> str:
+    """Return the question for a word, for a message; empty without a word."""
     return f"; did you mean {near}?" if near else ""
 
 

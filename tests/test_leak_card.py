@@ -298,8 +298,11 @@ def test_csv_has_a_row_for_each_leak_of_each_card_with_the_numbers_of_json() -> 
     ):
         lower, upper = leak["leak_interval"] or ("", "")
         assert [row[f"leak{end}"] for end in ("", "_lower", "_upper")] == [str(n) for n in (leak["leak"], lower, upper)]
-        closing = leak["closing_pressure" if "axis" in leak else "tight_above"]
-        assert row["closing_pressure"] == str(closing)
+        closing = "closing_pressure" if "axis" in leak else "tight_above"
+        ends = leak[closing], *(leak[f"{closing}_interval"] or ("", ""))
+        assert [row[f"closing_pressure{end}"] for end in ("", "_lower", "_upper")] == [*map(str, ends)]
+        load = cards[row["load"]]["load"]
+        assert {name: row[name] for name in load} == {name: str(value) for name, value in load.items()}
         assert row["leak_unit"] == "mm^3/s"
     assert "exclude each other" in refused("card", study, "--csv", "--json")
 

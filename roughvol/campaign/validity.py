@@ -141,7 +141,9 @@ def _fluids(study: Study) -> tuple[tuple[float, str, bool], tuple[float, str]]:
     if lift is not None and unit_of(lift.inlet) is not None:
         mean = 0.5 * (in_unit(lift.inlet, "Pa") + in_unit(lift.outlet, "Pa"))
         means.append((mean, f"inlet {lift.inlet}, outlet {lift.outlet}"))
-    return max(drops, default=(math.nan, "", False)), max(means, default=(math.nan, ""))
+    # of equal drops that of the liquid
+    largest = max(drops, key=lambda drop: (drop[0], not drop[2]), default=(math.nan, "", False))
+    return largest, max(means, default=(math.nan, ""))
 
 
 def _written(hardness: float | None, unit: str | None) -> str:

@@ -142,7 +142,10 @@ def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
     name = {"pressure": "pressure" if unit else "p* =", "modulus": "modulus E* =", "Sq": "Sq"}[unknown]
     closes = ", where the last way closes" if answer.nominal.closing else ""
     if closes and not closed and answer.budget is None:
-        closes, steps = "", f"from the last open step, p* = {first}, to the closing of the last way, p* = {last}"
+        # the patches of a seal are between two of their steps, so the interval may begin before the step of the seal
+        begins = math.isclose(answer.nominal.low, answer.steps[0], rel_tol=1e-6)
+        begin = f"from the last open step, p* = {first}, " if begins else ""
+        closes, steps = "", f"{begin}to the closing of the last way, p* = {last}"
         text = f"{name} {number(answer.low)} to {number(answer.high)}{unit}"
     elif closes and answer.low < answer.value == answer.high:
         text = f"{name} {number(answer.low)} to {number(answer.high)}{unit}"

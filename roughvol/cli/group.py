@@ -108,7 +108,7 @@ class _Commands(click.Group):
                 raise click.UsageError(f"{error.format_message()}{hint}", error.ctx) from error
             raise
         except errors.RoughvolError as error:
-            say(_message(error), err=True)
+            say(f"{_message(error)}{_cut_value(words, str(error))}", err=True)
             ctx.exit(FAILED if isinstance(error, OF_RUNS) else BAD_INPUT)
         except (MemoryError, ImportError, OSError, RuntimeError) as error:
             if machine.is_lack_of_memory(error):
@@ -124,8 +124,9 @@ class _Commands(click.Group):
 
 def _cut_value(words: list[str], refused: str) -> str:
     """Return what to do where a unit is refused as a word, cut from its number, as ``--at pressure=0.5 MPa``."""
+    told = re.findall(r"[^\s()':;]+", refused)
     for number, unit in itertools.pairwise(words):
-        if f"({unit})" in refused and re.fullmatch(r"([\w.]+=)?[-+.\d]+(e[-+]?\d+)?", number):
+        if unit in told and re.fullmatch(r"([\w.]+=)?[-+.\d]+(e[-+]?\d+)?", number):
             return f"; a value with a blank is in quotation marks: '{number} {unit}'"
     return ""
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Decorated = Callable[..., Any]
 Completed = list[CompletionItem] | list[str]
-FILES = (".csv", ".html", ".json", ".nc", ".pdf", ".png", ".svg", ".yaml")  # suffixes of what commands write
+FILES = (".csv", ".htm", ".html", ".json", ".md", ".nc", ".pdf", ".png", ".svg", ".txt", ".yaml", ".yml")  # suffixes
 
 
 def examples(*lines: str) -> str:

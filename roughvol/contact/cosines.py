@@ -17,7 +17,7 @@ from roughvol.contact.options import Tuning
 from roughvol.typing import Array, Index
 
 _LEAST_PART = 24  # products with matrices of 20 to 40 take about the time of the FFT that they spare
-_MOST_PRODUCTS = 600  # of an element and a matrix; an FFT of a large prime takes their time
+_MOST_PRODUCTS = 680  # of an element and a matrix; an FFT of a large prime takes their time
 _LARGEST_FAST = 13  # prime for which FFTW has code of its own
 
 

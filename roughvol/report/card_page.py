@@ -20,8 +20,10 @@ from roughvol.store import stamped_file
 
 NARROW = "\u00a0"  # keeps a factor on one line
 NONE_EXCEEDED = "No limit of the model is exceeded among those compared."
+LOADS = ("nominal_pressure", "mean_pressure")  # of the plain data of a card
 NUMBERS = (  # heads of the numbers of cards as CSV
-    *("card", "load", "surfaces", "nominal_pressure", "of", "axis", "leak", "leak_lower", "leak_upper", "leak_unit"),
+    *("card", "load", "surfaces", *LOADS, "of", "axis"),
+    *("leak", "leak_lower", "leak_upper", "leak_unit"),
     *("closing_pressure", "closing_pressure_lower", "closing_pressure_upper"),
 )
 
@@ -134,7 +136,7 @@ def table_of(pages: Sequence[Page]) -> Table:
 def numbers_of(pages: Sequence[Page]) -> list[tuple[Any, ...]]:
     """Return the numbers of cards under `NUMBERS`, a row for each leak; pressures are in MPa, None where unknown."""
     return [
-        (page.card.title, page.card.load, len(page.card.surfaces), found["load"]["nominal_pressure"], *leak)
+        (page.card.title, page.card.load, len(page.card.surfaces), *map(found["load"].get, LOADS), *leak)
         for page in pages
         for found in [page.card.plain()]
         for leak in _leaks(found)

@@ -154,7 +154,7 @@ def shortest_names(found: Mapping[str, Iterable[str]]) -> dict[str, str]:
         )
         for words, names in found.items()
     }
-    return {words: ", ".join(names) for words, names in shortest.items()}
+    return {words: " and ".join(names) for words, names in shortest.items()}
 
 
 def _beginnings(name: str) -> list[str]:

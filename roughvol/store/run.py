@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from roughvol.errors import DatasetError, FolderError, Problem, StudyError, SurfaceError, meant
+from roughvol.errors import DatasetError, FolderError, Problem, StudyError, SurfaceError, nearest_word, question
 from roughvol.store import run_folder, same_study, sample_plan
 from roughvol.study import HeightFile, Study, changes_of, check_type, load, loads
 
@@ -350,14 +350,18 @@ def _no_results(run: str, files: Sequence[Path], call: str) -> DatasetError:
         if _is_file(folder / "study.yaml"):
             see = f"roughvol status {_word(folder)}"
             return DatasetError(f"{folder} has no {RESULTS}: its run has not ended; see: {see}")
-    compute = f"; to compute them: roughvol run {call}" if call else ""
-    return DatasetError(f"no results of {run!r}: looked for {', '.join(map(str, files))}{compute}{_meant(run)}")
+    hint = f"; to compute them: roughvol run {call}" if call else _meant(run)
+    return DatasetError(f"no results of {run!r}: looked for {', '.join(map(str, files))}{hint}")
 
 
 def _meant(run: str | Path) -> str:
     """Return the question for the run under runs/, or the study file beside it, with the most similar name."""
-    here = (path.name for suffix in STUDY_SUFFIXES for path in Path().glob(f"*{suffix}"))
-    return meant(str(run), (*(folder.name for folder in with_results()), *here))
+    studies = {path.stem: path.name for suffix in STUDY_SUFFIXES for path in Path().glob(f"*{suffix}")}
+    runs = {folder.name: folder.name for folder in with_results()}
+    of_study = Path(run).suffix in STUDY_SUFFIXES
+    stem, known = (Path(run).stem, runs | studies) if of_study else (str(run), studies | runs)
+    near = stem if stem in known else nearest_word(stem, known)
+    return question(known[near] if near else None)
 
 
 def _check(file: Path, results: Dataset, given: Study | None, run: str, call: str, *, is_part: bool = False) -> None:

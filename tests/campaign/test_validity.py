@@ -260,6 +260,13 @@ def test_the_pressure_of_a_fluid_is_taken_over_the_ambient(fluid: str, mean: flo
         ),
         (
             "",
+            f"{GAS.format('11 bar', '1 bar').partition('record')[0]}{LEAK.format('10 bar')}".replace(
+                "transport: {", "transport: {gas_flow: last, "
+            ),
+            "record.fluid_pressure computes it",
+        ),
+        (
+            "",
             GAS.format("10 bar", "1 bar")[:-1] + ", fluid_pressure: {inlet: 10 mbar, at: last}}",
             "record.fluid_pressure computes it for liquids alone",
         ),

@@ -48,12 +48,9 @@ def test_agrees_with_the_matrix_of_its_nodes_in_all_digits(shape, scatter, *, ri
     assert found == pytest.approx(exact(along, across, ring=ring), rel=1e-13, abs=0.0)
 
 
-@pytest.mark.parametrize("ring", [False, True])
-@pytest.mark.parametrize("shape", [(1, 3), (4, 1), (3, 5)])
+@pytest.mark.parametrize(("shape", "ring"), [((1, 3), False), ((1, 3), True), ((4, 1), False), ((3, 5), True)])
 def test_closes_where_the_last_way_of_open_patches_does(shape, *, ring):
     n, m = shape
-    if m == 1 and ring:
-        return
     rng = np.random.default_rng(9)
     along, across = rng.random((20, n, m)), rng.random((20, n - 1, m))
     loads = sheet.closing(along, across, ring=ring)

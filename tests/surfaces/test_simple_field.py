@@ -15,6 +15,16 @@ def test_a_field_without_size_has_none(tmp_path):
     assert reading.describe(path).sides is None
 
 
+@pytest.mark.parametrize("key", ["Title", "XYUnits", "ZUnits"])
+def test_an_empty_field_of_the_header_takes_no_other(tmp_path, key):
+    described, plain = (
+        reading.describe(put(tmp_path / f"{name}.gsf", simple_field(HEIGHTS, "um", **{key: value})))
+        for name, value in (("empty", ""), ("plain", "x" if key == "Title" else "um"))
+    )
+    assert described.sides == plain.sides
+    assert described.shape == plain.shape
+
+
 @pytest.mark.parametrize(
     ("content", "pattern"),
     [

@@ -208,8 +208,8 @@ def _beside(fine: Sequence[Loaded]) -> Iterator[Beside]:
         leaks = [[surface.leak(axis, name) for surface in fine] for axis in AXES]
         variable = fine[0].table.get(name)
         if np.isfinite(leaks).any():
-            gas = f"{variable.attrs['gas']}" if variable is not None and "gas" in variable.attrs else ""
-            text = f"{words} {gas}" if words == "leak of" else f"{words}, {gas}".removesuffix(", ")
+            gas = str(variable.attrs.get("gas", "")) if variable is not None else ""
+            text = f"{words} {gas or 'the gas'}" if words == "leak of" else f"{words}, {gas}".removesuffix(", ")
             yield Beside(text, tuple(average(name, row) for row in leaks), fine[0].unit(name), name == f"gas_{FLOW}")
 
 

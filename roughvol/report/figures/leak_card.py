@@ -71,7 +71,12 @@ def panels(card: Card) -> list[Panel]:
         what = f"Flux along {axis} over its mean" if open_ else f"Closed along {axis}"
         found.append(Panel("flux", f"{what}{lifted}{name}; contact is blue.", partial(_flux_map, surface, axis)))
     if any(way.leak.value > 0.0 and any(part.known for part in way.parts) for way in card.ways):
-        found.append(Panel("budget", "Parts of the error as factors of the leak.", _budget))
+        open_ways = [way for way in card.ways if way.leak.value > 0.0]
+        ends = [end for way in open_ways for end in (way.smaller, way.factor)]
+        ends += [end for way in open_ways for part in way.parts for end in (part.smaller, part.factor)]
+        beyond = any(1.0 / LEAST < end < math.inf for end in ends)
+        cut = f" Longer bars are cut at a factor of {1.0 / LEAST:g}." * beyond
+        found.append(Panel("budget", f"Parts of the error as factors of the leak.{cut}", _budget))
     else:
         found.append(Panel("closing", "Closing loads on this grid and on coarser grids.", _closings))
     return found

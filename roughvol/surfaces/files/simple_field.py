@@ -27,6 +27,7 @@ from roughvol.typing import Array
 _MAGIC = b"Gwyddion Simple Field 1."
 _HEAD = 1 << 16  # bytes searched for the end of the header
 _HEIGHT_BYTES = 4
+_FIELD = re.compile(r"^[ \t]*(\w+)[ \t]*=[ \t]*(.*?)[ \t\r]*$", re.MULTILINE)
 
 
 def is_field(path: Path) -> bool:
@@ -40,7 +41,7 @@ def opened(request: Request) -> HeightMap:
     path = request.path
     head, _, _ = first_bytes(path, _HEAD).partition(b"\0")
     start = len(head) + _HEIGHT_BYTES - len(head) % _HEIGHT_BYTES  # 1 to 4 zero bytes end the header
-    given = dict(re.findall(r"^\s*(\w+)\s*=\s*(.*?)\s*$", head.decode("utf-8", errors="replace"), re.MULTILINE))
+    given = dict(_FIELD.findall(head.decode("utf-8", errors="replace")))
     if not all(re.fullmatch(r"0*[1-9]\d*", given.get(key, "")) for key in ("XRes", "YRes")):
         raise DatasetError(f"{path}: its header gives {', '.join(given)}; needed: XRes and YRes, whole numbers above 0")
     title = given.get("Title", "")
