@@ -31,7 +31,7 @@ from roughvol.analysis.closing import SOLVED, Span, solved_loads, span_of, spans
 from roughvol.analysis.derived import groups
 from roughvol.analysis.leak import with_closed
 from roughvol.analysis.legs import first_leg
-from roughvol.analysis.seal import FEW_DRAWS, Patch, closing_of, conductance_of, is_isotropic, ratios
+from roughvol.analysis.seal import FEW_DRAWS, Patch, closing_of, conductance_of
 from roughvol.analysis.units import sigma
 from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES, LISTED
@@ -234,7 +234,7 @@ def _sheet_closes(tables: list[tuple[str, Dataset]], patch: Patch, loads: Array)
 
     Infinite if the seal stays open.
     """
-    isotropic = is_isotropic([ratios(table) for _, table in tables])
+    isotropic = patch.is_isotropic([table for _, table in tables])
     closes = closing_of(np.fmin(loads, ENDLESS)[:, np.newaxis], patch.patches, isotropic=isotropic).value
     return closes if closes < ENDLESS else math.inf
 
@@ -290,7 +290,7 @@ def _of_seal(run: Dataset, tables: list[tuple[str, Dataset]], patch: Patch) -> C
     steps = longest.pressure[kept]
     inner = steps[(steps > low * (1.0 + REACHED)) & (steps < high * (1.0 - REACHED))]
     pressure = np.array([low, *inner, *([high] if low < high < math.inf else [])])
-    isotropic = is_isotropic([ratios(table) for _, table in tables])
+    isotropic = patch.is_isotropic([table for _, table in tables])
     end = math.inf
     if SOLVED in run:
         each_alone = [table.expand_dims("seed") for _, table in tables]

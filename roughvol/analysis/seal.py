@@ -14,9 +14,9 @@ of one scan, are no further scans: their mean is one number.
 are missing there. Without a roll-off the longest waves are the highest: no patch is representative, and the interval is
 not known (`is_representative`).
 
-**x and y.** Where the mean logarithm of x over y lies within two standard errors of 0, a patch is turned as well as it
-lies: both numbers are drawn for both directions. Two patches more are worth less than a bias, so this is no test at
-95 % for few scans.
+**x and y.** Where surfaces are made alike along x and y, or the mean logarithm of x over y lies within two standard
+errors of 0, a patch is turned as well as it lies: both numbers are drawn for both directions. Two patches more are
+worth less than a bias, so this is no test at 95 % for few scans.
 
 **Closed patches** conduct nothing in a draw. The interval then begins at 0. It ends at what follows if a closed patch
 conducts as much as the poorest open patch.
@@ -230,6 +230,7 @@ class Patch:
     unit: str | None
     aspect: float
     region: Region | None = None
+    made_alike: bool = False  # along x and y
 
     @classmethod
     def of(cls, study: Study | None, run: Dataset) -> Patch | None:
@@ -245,7 +246,8 @@ class Patch:
         unit = run.attrs.get("length_unit")
         study.seal.check(sides, unit)
         aspect = float(run["region_aspect"].max()) if "region_aspect" in run else 1.0
-        return cls(study.seal, sides, unit, aspect, region)
+        square = math.isclose(*sides, rel_tol=WHOLE)
+        return cls(study.seal, sides, unit, aspect, region, made_alike=square and study.surface.is_isotropic)
 
     @property
     def patches(self) -> tuple[int, int]:
@@ -256,6 +258,10 @@ class Patch:
     def axes(self) -> tuple[str, str]:
         """The axis of the flow, and the other."""
         return ("x", "y") if self.seal.flow == "x" else ("y", "x")
+
+    def is_isotropic(self, surfaces: Sequence[Dataset]) -> bool:
+        """Return whether each of several patches may be turned: x and y are made alike, or flows do not differ."""
+        return (self.made_alike and len(surfaces) > 1) or is_isotropic([ratios(surface) for surface in surfaces])
 
     @property
     def squares(self) -> float:
@@ -287,7 +293,7 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
     States of a study without a seal, or with a seal smaller than its patches, stay as they are. Where fluid pressure
     lifts patches in a row by different pressures, the attribute `UNKNOWN` has the reason. A leak at a step of surfaces
     that differ in their load there is missing, as is 0 where a surface is not known. All steps, ``surfaces``, show
-    whether x and y differ.
+    whether x and y of height files differ.
     """
     try:
         patch = Patch.of(study, surfaces)
@@ -299,7 +305,7 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
         if not LEAKS.keys() & set(states):
             return states
         return states.assign_attrs({UNKNOWN: f"The leak of the seal of {patch.seal.label} is not known: {IN_A_ROW}."})
-    alike = is_isotropic([ratios(surfaces.isel(seed=[k])) for k in range(surfaces.sizes["seed"])])
+    alike = patch.is_isotropic([surfaces.isel(seed=[k]) for k in range(surfaces.sizes["seed"])])
     words = f"{patch.seal.label}, flow along {patch.seal.flow}, {' × '.join(map(str, patch.patches))} patches"
     found = {}
     for name in LEAKS.keys() & set(states):

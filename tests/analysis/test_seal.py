@@ -288,6 +288,34 @@ def test_a_card_has_the_leak_of_a_gas_through_its_seal(tmp_path: Path) -> None:
     assert re.search(rf": {of_seal.gas_leak:.3g} mbar l/s, the median of as many sheets", throughput)
 
 
+@pytest.mark.parametrize(
+    ("surface", "record", "alike"),
+    [
+        ("D: 2.3, m: 4", "", True),
+        ("H: 0.8, n: 16, rolloff: 2", "", True),
+        ("H: 0.8, n: 16, rolloff: 2, anisotropy: 2", "", False),
+        ("D: 2.3, m: 4", "region: {x: [0, 0.5]}, ", False),
+        ("D: 2.3, m: 4", "region: {x: [0, 0.5], y: [0, 0.5]}, ", True),
+    ],
+)
+def test_surfaces_made_alike_are_turned_whatever_their_flows(
+    tmp_path: Path, surface: str, record: str, *, alike: bool
+) -> None:
+    """Of a few surfaces the flows at some steps differ by chance, and those at other steps do not."""
+    study = loads(
+        f"surface: {{{surface}, L: 1 mm, Sq: 1 um, seeds: 3}}\nmaterial: {{E: 5 MPa, nu: 0.5}}\nsweep: {{steps: 3}}\n"
+        f"record: {{{record}transport: {{transmissivity: every-step}}}}\nseal: {{length: 9 mm, width: 3 mm}}\n"
+    )
+    run = roughvol.run(study, jobs=1, out=tmp_path)
+    flows = run["transmissivity"]
+    differ = run.assign(transmissivity=flows.where(flows["axis"] == "x", 1e-3 * flows))
+    surfaces = [differ.isel(D=0, m=0, seed=[k]) for k in range(3)]
+    patch = seal.Patch.of(study, run)
+    assert patch is not None
+    assert patch.is_isotropic(surfaces) is alike
+    assert not patch.is_isotropic(surfaces[:1])
+
+
 def test_a_seal_of_a_gas_alone_turns_its_patches_as_beside_a_liquid(tmp_path: Path) -> None:
     text = COARSE.replace("every-step}", "every-step, gas_flow: every-step}").replace(
         "mPa*s}}", "mPa*s}, gas_leak_rate: mbar*l/s}"

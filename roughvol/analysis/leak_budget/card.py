@@ -119,7 +119,7 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     reached = [surface for surface in fine if all(math.isfinite(surface.leak(axis)) for axis in AXES)]
     flow = next(way for way in ways if way.axis == patch.seal.flow)
     units = bool(flow.unit)
-    isotropic = seal.is_isotropic([seal.ratios(surface.table) for surface in fine])
+    isotropic = patch.is_isotropic([surface.table for surface in fine])
     leaks = np.array([[surface.leak(axis) for axis in AXES] for surface in reached]).reshape(-1, len(AXES))
     maps = patch.conductances(leaks, in_units=units)
     quadrants = patch.conductances(_of_quadrants(fine[0]), in_units=units) if len(fine) == 1 else None

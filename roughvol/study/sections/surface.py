@@ -99,6 +99,11 @@ class Sized(Strict):
         """Whether lengths have a unit; of a file that may have its own, true."""
         return self.length_unit is not None
 
+    @property
+    def is_isotropic(self) -> bool:
+        """Whether the surfaces are made alike along x and y; not known of files."""
+        return False
+
     def in_own_unit(self, length: float) -> float:
         """Return a length in the unit of L; a plain number is in that unit."""
         given = unit_of(length)
@@ -124,6 +129,11 @@ class GeneratedSurface(Sized):
     Sq: Length | None = optional(
         "root mean square of the stored heights, > 0, with its unit or in that of L; default: not scaled"
     )
+
+    @property
+    def is_isotropic(self) -> bool:
+        """True: x and y have the same displacements in the mean."""
+        return True
 
     @property
     def height(self) -> float | None:
@@ -174,6 +184,11 @@ class SpectralSurface(Sized):
         left_out = ("H", "D", "cut", "shortest", "Sq", "slope", "Ssk")
         written = handler(self).items()
         return {name: value for name, value in written if name not in left_out or value not in (None, (), [])}
+
+    @property
+    def is_isotropic(self) -> bool:
+        """Whether wavelengths are alike along x and y."""
+        return self.anisotropy == 1.0
 
     @property
     def dimensions(self) -> tuple[float, ...]:
