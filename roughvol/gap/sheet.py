@@ -73,12 +73,14 @@ def _from_end_to_end(
     size, columns = len(beside), down.shape[1] - ring
     column = 2 + np.arange(size)
     last = column + size
-    joints = np.zeros((*2 * (2 + (1 + ring) * size,), *down.shape[2:]))
+    nodes = 2 + (1 + ring) * size
+    joints = np.zeros((nodes, nodes, *down.shape[2:]))
 
     def join(one: Any, other: Any, values: Array) -> None:
         joints[one, other] = joints[other, one] = parallel(joints[one, other], values)
 
     def take_out(node: int, to_next: Any = 0.0) -> None:
+        """Replace a node by the node beside it, which is joined to it alone so far; by none without such a joint."""
         own = joints[node].copy()
         own[node] = to_next
         joints[node] = joints[:, node] = 0.0
@@ -94,6 +96,6 @@ def _from_end_to_end(
             join(one, other, down[i, j])
     if ring:
         join(column, last, beside[:, -2])
-    for node in range(2, len(joints)):
+    for node in range(2, nodes):
         take_out(node)
     return np.asarray(joints[0, 1])
