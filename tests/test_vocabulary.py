@@ -119,6 +119,7 @@ def test_a_change_of_a_key_is_that_of_the_run_or_an_error() -> None:
         (("shw", "tiny"), "no command 'shw'; did you mean show?"),
         (("show", "tiyn"), "no results of 'tiyn': .*; did you mean tiny?"),
         (("run", "tiny.yml"), "did you mean tiny.yaml?"),
+        (("run", "tiny.yamll"), "did you mean tiny.yaml?"),
         (("compare", "tiny", "othr"), "no results of 'othr': .*; did you mean other?"),
         (("status", "othr"), "no study file and no run: .*; did you mean other?"),
         (("show", "tiny", "--at", "presure=0.5"), "no state 'presure=0.5'; did you mean pressure?"),

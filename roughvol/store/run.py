@@ -356,11 +356,10 @@ def _no_results(run: str, files: Sequence[Path], call: str) -> DatasetError:
 
 def _meant(run: str | Path) -> str:
     """Return the question for the run under runs/, or the study file beside it, with the most similar name."""
-    studies = {path.stem: path.name for suffix in STUDY_SUFFIXES for path in Path().glob(f"*{suffix}")}
-    runs = {folder.name: folder.name for folder in with_results()}
-    of_study = Path(run).suffix in STUDY_SUFFIXES
-    stem, known = (Path(run).stem, runs | studies) if of_study else (str(run), studies | runs)
-    near = stem if stem in known else nearest_word(stem, known)
+    files = [path for suffix in STUDY_SUFFIXES for path in Path().glob(f"*{suffix}")]
+    known = {name: path.name for path in files for name in (path.name, path.stem)}
+    known |= {folder.name: folder.name for folder in with_results()}
+    near = str(run) if str(run) in known else nearest_word(str(run), known)
     return question(known[near] if near else None)
 
 

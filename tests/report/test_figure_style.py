@@ -11,7 +11,17 @@ from matplotlib import font_manager
 
 from roughvol.errors import DatasetError
 from roughvol.report.figures import style
-from roughvol.report.figures.style import CONTACT, GREY, STYLE, lightness, looks, luminance, unit_text
+from roughvol.report.figures.style import (
+    CONTACT,
+    GREY,
+    STYLE,
+    lightness,
+    looks,
+    luminance,
+    unit_text,
+    width_of,
+    wrapped,
+)
 from roughvol.reproduction.figures.conditions import ACCENT, SECOND
 from roughvol.reproduction.figures.registry import FIGURES
 
@@ -135,3 +145,12 @@ def test_a_note_is_broken_for_the_size_of_the_figure() -> None:
     fig.set_size_inches(1.2, 3.0)
     assert fig.get_supxlabel() == few.get_supxlabel()
     assert len(fig.get_supxlabel().splitlines()) > 2
+
+
+def test_a_number_keeps_its_unit_where_a_line_ends() -> None:
+    family = ["DejaVu Sans"]
+    text = "Pressure drop 10 mbar, 3 of 3 surfaces."
+    room = width_of("Pressure drop 10 m", 8.0, family)
+    assert wrapped(text, 8.0, room, family) == ["Pressure drop", "10 mbar, 3 of", "3 surfaces."]
+    assert wrapped("flux on m = 6, seed 0", 8.0, width_of("flux on m =", 8.0, family), family)[1] == "m = 6,"
+    assert wrapped("10 mbar", 8.0, width_of("mbar", 8.0, family), family) == ["10", "mbar"]  # of a narrow column

@@ -71,14 +71,18 @@ def _advance(letter: str, family: Sequence[str], weight: str) -> float:
     return float(font.load_glyph(index).linearHoriAdvance) / 65536.0 / large if index else BOX
 
 
+# a blank that is neither beside an equals sign nor between a number and letters
+_BETWEEN = re.compile(r"(?<!=) (?!=)(?:(?<!\d )|(?![^\W\d_]))")
+
+
 def wrapped(text: str, size: float, width: float, family: Sequence[str], weight: str = "normal") -> list[str]:
-    """Return a text in lines of a width [points]; a word that is wider is broken."""
+    """Return a text in lines of a width [points]; a wider word is broken. A number keeps its unit and its name."""
 
     def fits(line: str) -> bool:
         return width_of(line, size, family, weight) <= width + ROUNDING
 
     rows = [""]
-    for word in text.split(" "):
+    for word in (word for part in _BETWEEN.split(text) for word in ([part] if fits(part) else part.split(" "))):
         longer = f"{rows[-1]} {word}" if rows[-1] else word
         if fits(longer):
             rows[-1] = longer

@@ -171,8 +171,8 @@ def _checked(path: Path, array: NDArray[Any], holes: bool) -> Array:
         count = f"{missing.sum()} height{' is' if missing.sum() == 1 else 's are'}"
         marked_by = f" ({', '.join(marks[:3])} marks a missing one)" if marks else ""
         raise SurfaceError(
-            f"{path}: {count} missing or not finite, the first in row {row}, column {column}{marked_by}; "
-            "surface.missing: interpolate, or nearest, fills them in a study"
+            f"{path}: {count} missing or not finite, the first in row {row}, column {column}, counted from 0"
+            f"{marked_by}; surface.missing: interpolate, or nearest, fills them in a study"
         )
     return np.where(missing, np.nan, heights) if holes else heights
 
