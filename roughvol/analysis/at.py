@@ -25,13 +25,12 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis import leak
-from roughvol.analysis.closing import SOLVED
 from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
 from roughvol.analysis.units import scales
 from roughvol.errors import DatasetError
-from roughvol.observables.variables import AXES, OF_STATE, STATES, VARIABLES
+from roughvol.observables.variables import AXES, OF_STATE, SOLVED, STATES, VARIABLES
 from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, Study, convert, parse
 from roughvol.study.values.state_kinds import LOAD_OF_REGION, REACHED, slack
 from roughvol.typing import Array

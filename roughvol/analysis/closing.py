@@ -13,10 +13,10 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis.leak import ways
+from roughvol.observables.variables import SOLVED
 from roughvol.typing import Array
 
 LOADS = ("nominal_pressure", "mean_pressure")
-SOLVED = "closing_pressure"
 
 
 @dataclass(frozen=True)

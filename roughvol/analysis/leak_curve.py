@@ -27,14 +27,14 @@ import numpy as np
 import scipy
 from xarray import Dataset
 
-from roughvol.analysis.closing import SOLVED, Span, solved_loads, span_of, spans
+from roughvol.analysis.closing import Span, solved_loads, span_of, spans
 from roughvol.analysis.derived import groups
 from roughvol.analysis.leak import with_closed
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import FEW_DRAWS, Patch, closing_of, conductance_of
 from roughvol.analysis.units import sigma
 from roughvol.observables.at_state import at_state
-from roughvol.observables.variables import AXES, LISTED
+from roughvol.observables.variables import AXES, LISTED, SOLVED
 from roughvol.store.variants import study_in
 from roughvol.study import refused
 from roughvol.study.values.state_kinds import REACHED

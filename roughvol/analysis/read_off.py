@@ -33,7 +33,7 @@ from roughvol.analysis.leak_curve import Curve, LoadReading, axes, closings, cur
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.units import scales, sigma
 from roughvol.errors import StudyError
-from roughvol.observables.variables import LISTED
+from roughvol.observables.variables import LISTED, SOLVED
 from roughvol.store.variants import study_in
 from roughvol.study import Axis, Level, Quantity, convert, loads, read, refused
 from roughvol.study.axes import choices
@@ -190,7 +190,7 @@ def ask_closed(
     run = checked(run, leaks=False)
     _check_unknown(run, unknown, pressure)
     run = derived(run, study_in(run))
-    if not leak.ways(run) and closing.SOLVED not in run:
+    if not leak.ways(run) and SOLVED not in run:
         raise refused(
             "the run does not follow its ways: add closing: true, or percolation: every-step, to its record.transport"
         )
@@ -327,7 +327,7 @@ def narrower(run: Dataset, answers: Sequence[Answer], *, closed: bool) -> list[s
     found = sorted({float(f"{load:.5g}") for ends in within for load in np.geomspace(*ends, AROUND)})
     beyond, possible = any(map(is_beyond, answers)), list[str]()
     farther = beyond and (not closed or "plastic_volume" in run)
-    if closed and closing.SOLVED not in run and (found or beyond) and not farther:
+    if closed and SOLVED not in run and (found or beyond) and not farther:
         possible = [SOLVES_CLOSING]
     elif farther:  # a study of listed loads or of legs has no key sweep.to
         possible = ["sweep.to=percolation", f"sweep={{steps: {run.sizes['step']}, to: percolation}}"]

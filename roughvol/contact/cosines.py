@@ -30,7 +30,8 @@ class Cosines:
     multiplies V_k by i^(ak) e^(-iπk/2n): its real and imaginary parts are X_k and X_(n-k) in some order, up to signs.
 
     V is a product with real matrices and a complex FFT: n = p q, value number b + q a, wave number c + p d, c ≤ p/2.
-    Large prime factors are in p, as FFTW has no fast code for them: 1025 = 41 · 25. Very large ones are in q.
+    Large prime factors are in p, as FFTW has no fast code for them: 1025 = 41 · 25. Where products are too many, the
+    largest prime factor is in q.
 
     `element` (q, p) is the element in each place of a buffer. `wave` (q, p // 2 + 1, 2) has the k of the real and the
     imaginary part of each wave; n where the part is always zero.

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from roughvol.errors import Problem, StudyError
 from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_steps
-from roughvol.observables.variables import AXES, OF_STATE, VARIABLES
+from roughvol.observables.variables import AXES, OF_STATE, SOLVED, VARIABLES
 from roughvol.study import CLOSING, Accuracy, Case, Ensemble, Level, Quantity, Scale
 from roughvol.study.sections.ensemble import RECORDED_BY
 from roughvol.study.values.state_kinds import step_at, stored_name
@@ -25,7 +25,6 @@ from roughvol.study.values.units import unit_of
 from roughvol.typing import Array
 
 PERCOLATION = Level("percolation")  # state of the closing pressures, which belong to no state of the study
-SOLVED = "closing_pressure"  # p* by axis
 OF_VOID = ("percolates", "connected_volume_fraction", "transmissivity")  # of the numbers along the steps
 
 SMALLEST = 1e-150  # half-width in place of 0, for a relative accuracy of a mean of 0; its square is a number > 0

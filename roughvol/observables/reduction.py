@@ -18,7 +18,7 @@ from roughvol.observables.levels import Between, at_level, before_touch, closing
 from roughvol.observables.own import register
 from roughvol.observables.regions import Values, View, within
 from roughvol.observables.requests import asked, fields_of, value_of
-from roughvol.observables.variables import AXES, OBSERVABLES, OF_STATE, VARIABLES, function
+from roughvol.observables.variables import AXES, OBSERVABLES, OF_STATE, SOLVED, VARIABLES, function
 from roughvol.study import Case, Legs, Level
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
@@ -150,7 +150,7 @@ class Reduction:
 
     def _close(self, step: int, whole: Contact) -> None:
         """Store the load at which the last way along each axis closes, once it is known."""
-        loads = self._values.setdefault("closing_pressure", np.full(len(AXES), np.nan))
+        loads = self._values.setdefault(SOLVED, np.full(len(AXES), np.nan))
         for axis in np.flatnonzero(np.isnan(loads)):
             with self._counted():
                 state = closing(AXES[axis], step, self._between(whole))

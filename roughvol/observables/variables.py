@@ -143,6 +143,8 @@ MEAN_ENDS = tuple(with_means("", Variable("", "1", "", "")))[1:]
 """Ends of the names of a mean over surfaces and its errors, as ``_mean`` and ``_interval``."""
 OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
 """Numbers that every state has, between two steps as well."""
+SOLVED = "closing_pressure"
+"""The solved loads p* at which ways close, by axis."""
 OF_YIELD = ("plastic_volume", "plastic_area_fraction")
 """Numbers of every state of a surface that yields, and of no other."""
 OF_TABLES = ("run", "state", "surfaces", "reached", "closed_before")

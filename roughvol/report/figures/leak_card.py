@@ -13,13 +13,13 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from xarray import Dataset, concat
 
-from roughvol.analysis.closing import LOADS, SOLVED
+from roughvol.analysis.closing import LOADS
 from roughvol.analysis.leak import STATE
 from roughvol.analysis.leak_budget.state import gap_of
 from roughvol.analysis.leak_card import Card, SurfaceAtLoad
 from roughvol.analysis.legs import first_leg
 from roughvol.gap.transport import conduction
-from roughvol.observables.variables import AXES
+from roughvol.observables.variables import AXES, SOLVED
 from roughvol.report.card_text import SAME, has_legs
 from roughvol.report.figures.families import Family
 from roughvol.report.figures.style import GREY, STYLE, Drawing, looks, plain_ticks, read_style, unit_text

@@ -19,9 +19,8 @@ from matplotlib.lines import Line2D
 from xarray import Dataset
 
 from roughvol.analysis import leak
-from roughvol.analysis.closing import SOLVED
 from roughvol.gap.constriction import constriction
-from roughvol.observables.variables import AXES
+from roughvol.observables.variables import AXES, SOLVED
 from roughvol.report.figures import ways
 from roughvol.report.figures.cases import SHOWN_D, nearest
 from roughvol.report.figures.curves import shown
