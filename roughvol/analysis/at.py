@@ -116,7 +116,7 @@ def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
             after = np.where(share == 0.0, before, np.fmax(before, after))
         values[str(name)] = (("seed", *along), after, variable.attrs)
     others = [name for name in group.coords if group.variables[name].dims not in ((), ("seed",), ("axis",))]
-    # labels that have an index keep it: for a new one xarray imports pint, which takes as long as all the rest
+    # labels keep their index: for a new index xarray imports pint
     return group.coords.to_dataset().drop_vars(others).isel({"seed": rows}, missing_dims="ignore").assign(values)
 
 
