@@ -31,7 +31,7 @@ from roughvol.analysis.closing import Span, solved_loads, span_of, spans
 from roughvol.analysis.derived import groups
 from roughvol.analysis.leak import with_closed
 from roughvol.analysis.legs import first_leg
-from roughvol.analysis.seal import FEW_DRAWS, Patch, closing_of, conductance_of
+from roughvol.analysis.seal import Patch, closing_of, conductance_of
 from roughvol.analysis.units import sigma
 from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES, LISTED, SOLVED
@@ -306,7 +306,8 @@ def _of_seal(run: Dataset, tables: list[tuple[str, Dataset]], patch: Patch) -> C
         """Return the curve of the seal of one part of the readings of its patches."""
         leaks = np.moveaxis(np.array([[getattr(reading, part) for reading in along] for along in readings]), 0, -1)
         values = np.moveaxis(patch.conductances(leaks, in_units=True), 1, 0)[:, :, np.newaxis]
-        found = [conductance_of(some, patch.patches, isotropic=isotropic, draws=FEW_DRAWS).value for some in values]
+        draws = patch.draws_of_many
+        found = [conductance_of(some, patch.patches, isotropic=isotropic, draws=draws).value for some in values]
         leak = np.where(pressure < end * (1.0 - REACHED), found, 0.0) * patch.squares
         return Curve(SEAL, pressure, leak, starred, Sq, between)
 

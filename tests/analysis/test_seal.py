@@ -490,15 +490,16 @@ def test_a_seal_leaks_no_more_beyond_its_solved_closing_load(tmp_path: Path) -> 
 
 
 def test_a_table_has_the_number_of_its_sheets(here: Path) -> None:
-    """All steps have fewer than one load. Flows between the steps are explained after a run too."""
+    """All steps have fewer than one load where sheets take long. Flows between steps are explained after a run too."""
     text = COARSE.replace("{steps: 8, to: percolation}", "{pressures: [0.02 MPa, 0.05 MPa]}")
-    text = text.replace("width: 2 mm", "width: 1 mm").replace("seeds: 3", "seeds: 2")
-    text = text.replace("record:", "record:\n  fields_at: {pressure: [0.03 MPa]}")
-    printed = ran("joint", text)
+    text = text.replace("seeds: 3", "seeds: 2").replace("record:", "record:\n  fields_at: {pressure: [0.03 MPa]}")
+    printed = ran("joint", text.replace("width: 2 mm", "width: 4 mm"))
     assert "the median of 300 sheets" in printed
     assert "Between steps: " in printed
-    assert "the median of 50 sheets" in said("show", "joint")
-    assert "the median of 300 sheets" in said("show", "joint", "--at", AT)
+    assert "the median of 300 sheets" in said("show", "joint")
+    ran("wide", text.replace("width: 2 mm", "width: 4.5 mm").replace("name: joint", "name: wide"))
+    assert "the median of 50 sheets" in said("show", "wide")
+    assert "the median of 300 sheets" in said("show", "wide", "--at", AT)
 
 
 def test_a_closing_load_that_is_not_known_has_no_unit(tmp_path: Path) -> None:
