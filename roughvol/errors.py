@@ -51,12 +51,13 @@ def nearest_word(word: str, known: Iterable[str]) -> str | None:
 
 def meant(word: str, known: Iterable[str]) -> str:
     """Return the question for the known word most similar to ``word``, for a message; empty without one."""
-    return question(nearest_word(word, known))
+    return question(filter(None, [nearest_word(word, known)]))
 
 
-def question(near: str | None) -> str:
-    """Return the question for a word, for a message; empty without a word."""
-    return f"; did you mean {near}?" if near else ""
+def question(near: Iterable[str]) -> str:
+    """Return the question for similar words, for a message; empty without a word."""
+    words = " or ".join(f"'{word}'" for word in near)
+    return f"; did you mean {words}?" if words else ""
 
 
 def warn(sentences: Iterable[str], category: type[RoughvolWarning] = RoughvolWarning) -> None:

@@ -30,7 +30,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from roughvol.errors import DatasetError, Problem, StudyError
+from roughvol.errors import DatasetError, Problem, StudyError, question
 
 if TYPE_CHECKING:
     from roughvol.analysis import read_off
@@ -942,8 +942,7 @@ def explain(name: str | None = None) -> Explained:
         names = explained_names()
         near = [name for name in names if name.lower() == word.lower()]
         near = near or difflib.get_close_matches(word, names, n=3, cutoff=0.5)
-        hint = f"did you mean {' or '.join(near)}? " if near else ""
-        raise DatasetError(f"no key and no variable {word!r}; {hint}roughvol explain lists the sections")
+        raise DatasetError(f"no key and no variable {word!r}{question(near)}; roughvol explain lists the sections")
     stored_by = record_key(variable) if variable else ""
     return Explained(variable or word, exact, inside or other, QUANTITIES.get(variable), stored_by)
 

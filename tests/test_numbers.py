@@ -86,7 +86,7 @@ def test_a_load_acts_on_the_whole_period() -> None:
         (["ls", "nowhere"], "no folder nowhere"),
         (["plot", "dry", "wet", "fig05"], "fig05 shows one run"),
         (["plot", "dry", "leak_of_p"], "does not have"),
-        (["plot", "dry", "v_of_q"], "did you mean v_of_p"),
+        (["plot", "dry", "v_of_q"], "did you mean 'v_of_p'"),
         (["plot", "dry", "v_of_p", "--size", "big"], "allowed: WxH"),
     ],
 )

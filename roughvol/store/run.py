@@ -360,7 +360,7 @@ def _meant(run: str | Path) -> str:
     known = {name: path.name for path in files for name in (path.name, path.stem)}
     known |= {folder.name: folder.name for folder in with_results()}
     near = str(run) if str(run) in known else nearest_word(str(run), known)
-    return question(known[near] if near else None)
+    return question([known[near]] if near else [])
 
 
 def _check(file: Path, results: Dataset, given: Study | None, run: str, call: str, *, is_part: bool = False) -> None:

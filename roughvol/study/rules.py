@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel
 
-from roughvol.errors import nearest_word
+from roughvol.errors import meant
 from roughvol.study.file import StudyFile
 from roughvol.study.plain_data import KeyPath, number_text
 from roughvol.study.sections.dimensional import Dimensional
@@ -405,10 +405,9 @@ def _quantities(study: StudyFile) -> Problems:
     known = [*names(Accuracies), *(study.record.own or {})]
     for name in study.ensemble.accuracy.own if study.ensemble is not None else ():
         if name not in known:
-            meant = nearest_word(name, known)
-            hint = f"did you mean '{meant}'? " if meant else ""
+            hint = meant(name, known)
             place = ("ensemble", "accuracy", name)
-            yield place, f"unknown quantity; {hint}allowed: {', '.join(known)}, or a name of record.own"
+            yield place, f"unknown quantity{hint}; allowed: {', '.join(known)}, or a name of record.own"
 
 
 @_rule("ensemble", "sweep", "record.transport")

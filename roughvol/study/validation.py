@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from roughvol.errors import nearest_word
+from roughvol.errors import meant, nearest_word, question
 from roughvol.study.plain_data import KeyPath, key_text, number_text, show
 from roughvol.study.sections.height_file import ABSENT, is_absent
 from roughvol.study.sections.strict import models_in, names
@@ -186,11 +186,11 @@ def translated(error: ValidationError, data: Any, study: type[BaseModel]) -> Ite
         elif kind == "extra_forbidden":
             while isinstance(path[-1], int):  # an item of a list of combinations: the key is unknown
                 path = path[:-1]
-            message, meant = _unknown(path, data, known)
-            misspelt |= {(*path[:-1], meant)} if meant else set()
+            message, near = _unknown(path, data, known)
+            misspelt |= {(*path[:-1], near)} if near else set()
         if isinstance(given, str) and (kind == "literal_error" or item["msg"].startswith("must be ")):
-            meant = nearest_word(given, re.findall(r"'([^']*)'", item.get("ctx", {}).get("expected", item["msg"])))
-            message += f"; did you mean '{meant}'?" if meant else ""
+            allowed = re.findall(r"'([^']*)'", item.get("ctx", {}).get("expected", item["msg"]))
+            message += meant(given, allowed)
         messages.append((path, item["msg"], message + _about(path, known)))
     for path, reason, message in messages:
         # a value that another key follows from is wrong once: the last of `pressures` is the end of the sweep
@@ -222,10 +222,10 @@ def _unknown(path: KeyPath, data: Any, of: Models) -> tuple[str, str | None]:
         return f"excluded by {' and '.join(rivals)}" if rivals else f"needs {' and '.join(needed)}", None
     if path[-2:-1] == ("to",) and key in LISTS:
         return f"'{key}' stands in place of 'to', as sweep: {{{key}: [...]}}", None
-    meant = nearest_word(key, known)
+    near = nearest_word(key, known)
     homes = [key_text(section) for section, others in of.items() if key in names(*others)]
-    hint = f"did you mean '{meant}'? " if meant else f"a key of '{homes[0]}'; " if homes else ""
-    return f"unknown key; {hint}allowed: {', '.join(known)}", meant
+    hint = question([near]) if near else f"; a key of '{homes[0]}'" if homes else ""
+    return f"unknown key{hint}; allowed: {', '.join(known)}", near
 
 
 def _models(*models: type[BaseModel], path: KeyPath = ()) -> Iterator[tuple[KeyPath, tuple[type[BaseModel], ...]]]:

@@ -74,4 +74,4 @@ def test_run_computes_what_the_figures_need_and_then_the_rest(tmp_path: Path) ->
 
 def test_unknown_figure_is_refused(tmp_path: Path) -> None:
     (tmp_path / "some.yaml").write_text(TEXT)
-    assert "did you mean fig05" in refused("run", tmp_path / "some.yaml", "--figures", "fig5")
+    assert "did you mean 'fig05'" in refused("run", tmp_path / "some.yaml", "--figures", "fig5")

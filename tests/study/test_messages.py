@@ -45,9 +45,9 @@ def test_explain_gives_the_mean_free_path() -> None:
 
 def test_names_that_explain_proposes_differ() -> None:
     error = CliRunner().invoke(main, ["explain", "materal"]).stderr
-    assert "did you mean material or material.E or " in error
+    assert "did you mean 'material' or 'material.E' or " in error
     assert "material or material or" not in error
-    assert "did you mean helium" in CliRunner().invoke(main, ["explain", "heliu"]).stderr
+    assert "did you mean 'helium'" in CliRunner().invoke(main, ["explain", "heliu"]).stderr
 
 
 @pytest.mark.parametrize("name", ["sweep.to.load", "sweep.loads"])

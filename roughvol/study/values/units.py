@@ -17,6 +17,7 @@ from typing import Annotated, Any, NamedTuple, Self
 from pydantic import AfterValidator, GetCoreSchemaHandler, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError, core_schema
 
+from roughvol.errors import question
 from roughvol.study.plain_data import number_text, printable
 from roughvol.study.values.types import Form, Positive, refuse
 from roughvol.surfaces.length_units import METRES, named
@@ -322,7 +323,7 @@ def _hint(unit: str, kind: str) -> str:
     powers = _PLAIN_POWER.sub("^", unit)
     meant = [powers] if _dimension(powers) == KINDS[kind].dimension else []
     meant += [one for one in _listed(kind) if _joined(one) == _joined(unit)]
-    return f"; did you mean '{meant[0]}'?" if meant else ""
+    return question(meant[:1])
 
 
 def _joined(unit: str) -> str:
