@@ -46,13 +46,11 @@ def scan(stored: Path, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_stored_sweep_answers_with_a_pressure() -> None:
     asked = said("ask", "scan", "--leak-rate", "< 1e-6 mm^3/s")
     assert "along x: pressure 0.0" in asked
-    assert re.search(r"MPa \(0\.\d+ to 0\.\d+\), between the steps p\* = ", asked)
+    assert re.search(r"MPa \(0\.\d+ to 0\.\d+\), between the steps 0\.\d+ and 0\.\d+ MPa", asked)
     least = said("ask", "scan", "--leak-rate", "1 m^3/s")
-    assert re.search(
-        r"along x: any pressure of p\* = \d\.\d+ \(0\.\d+ MPa\) or more: the first known step leaks less", least
-    )
+    assert re.search(r"along x: any pressure of 0\.\d+ MPa or more: the first known step leaks less", least)
     never = said("ask", "scan", "--leak-rate", "1e-30 mm^3/s", "--for", "modulus", "--at", "pressure=1 kPa")
-    assert re.search(r"along y: no modulus within the stored loads, up to p\* = \d\.\d+ \(0\.1 MPa\)", never)
+    assert re.search(r"along y: no modulus within the stored loads, up to p\* = \d\.\d+$", never, re.MULTILINE)
     assert "scan: largest modulus for a leak up to 1e-30 mm^3/s" in never
     assert "least pressure for a leak up to 1e-4 mm^3/s" in said("ask", "scan", "--leak-rate", "1e-4")
     words = ("--leak-rate", "1e-6 mm^3/s", "--set", "name=scan")

@@ -129,42 +129,46 @@ def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
     """Return a read-off in words."""
     from roughvol.analysis.tables import number, rounded
 
-    first, last = (number(end) for end in answer.between)
-    steps = f"between the steps p* = {first} and {last}" if math.isfinite(answer.between[1]) else f"beyond p* = {first}"
+    of_pressure = unknown == "pressure"
+    first, last, both = (_loads(answer, *ends, in_units=of_pressure) for ends in ((0,), (1,), (0, 1)))
+    steps = f"between the steps {both}" if math.isfinite(answer.between[1]) else f"beyond {first}"
     of = f", for the leakiest of {answer.surfaces} surfaces ({answer.surface})" if answer.surfaces > 1 else ""
     if answer.nominal.value == 0.0:
         begin = f"the first known step {'is closed' if closed else 'leaks less'}"
         every = f" of all {answer.surfaces} surfaces" if answer.surfaces > 1 else ""
-        return f"any {unknown} of {_load(answer, 1)} or more: {begin}{every}; smaller loads are not known"
+        least = f"{unknown} {'of' if of_pressure else 'with'} {last}"
+        return f"any {least} or more: {begin}{every}; smaller loads are not known"
     if not answer.found:
-        return f"no {unknown} within the stored loads, up to {_load(answer, 0)}{of}"
+        return f"no {unknown} within the stored loads, up to {first}{of}"
     unit = "" if answer.unit == "1" else f" {answer.unit}"
     name = {"pressure": "pressure" if unit else "p* =", "modulus": "modulus E* =", "Sq": "Sq"}[unknown]
     closes = ", where the last way closes" if answer.nominal.closing else ""
     if closes and not closed and answer.budget is None:
         # the patches of a seal are between two of their steps, so the interval may begin before the step of the seal
         begins = math.isclose(answer.nominal.low, answer.steps[0], rel_tol=1e-6)
-        begin = f"from the last open step, p* = {first}, " if begins else ""
-        closes, steps = "", f"{begin}to the closing of the last way, p* = {last}"
+        begin = f"from the last open step, {first}, " if begins else ""
+        closes, steps = "", f"{begin}to the closing of the last way, {last}"
         text = f"{name} {number(answer.low)} to {number(answer.high)}{unit}"
     elif closes and answer.low < answer.value == answer.high:
         text = f"{name} {number(answer.low)} to {number(answer.high)}{unit}"
+        steps = "" if (answer.low, answer.high) == answer.steps else steps
     else:
-        bounded = math.isfinite(answer.high)
-        value = rounded(answer.value, answer.low, answer.high) if bounded else number(answer.value, 2)
+        ends = math.isfinite(answer.high)
+        value = rounded(answer.value, answer.low, answer.high) if ends else number(answer.value, 2)
         text = f"{name} {value}{unit}{_interval(answer, unknown, unit)}"
     text += closes
-    if unknown != "pressure":
+    if not of_pressure:
         text += f", {number(answer.times, 3)} times the {'E*' if unknown == 'modulus' else 'Sq'} of the study"
-    return f"{text}, {steps}{of}"
+    return ", ".join(filter(None, (text, steps))) + of
 
 
-def _load(answer: Answer, end: int) -> str:
-    """Return p* of a step around an answer, with its nominal pressure where the study has units."""
+def _loads(answer: Answer, *ends: int, in_units: bool) -> str:
+    """Return loads of steps around an answer: nominal pressures where the study has units, or p*."""
     from roughvol.analysis.tables import number
 
-    starred = f"p* = {number(answer.between[end])}"
-    return starred if answer.load_unit == "1" else f"{starred} ({number(answer.steps[end])} {answer.load_unit})"
+    in_units = in_units and answer.load_unit != "1"
+    loads = " and ".join(number((answer.steps if in_units else answer.between)[end]) for end in ends)
+    return f"{loads} {answer.load_unit}" if in_units else f"p* = {loads}"
 
 
 def _interval(answer: Answer, unknown: str, unit: str) -> str:

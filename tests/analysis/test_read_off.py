@@ -513,10 +513,10 @@ def test_a_solved_closing_load_ends_the_reading(tmp_path: Path) -> None:
     assert before == pytest.approx([answer.value for answer in roughvol.ask(ds).answers])
     folder = tmp_path / listed  # the closing load lies beyond its last step
     printed = said("ask", folder, "--leak-rate", "1e-30 mm^3/s")
-    end = answers[1].between[1]
-    assert f"along y: pressure 0.02 to {answers[1].value:.4g} MPa, from the last open step, p* = " in printed
-    assert f"to the closing of the last way, p* = {end:.4g}" in printed
-    assert f"where the last way closes, beyond p* = {answers[1].between[0]:.4g}" in said("ask", folder, "--closed")
+    last, end = answers[1].steps
+    assert f"along y: pressure 0.02 to {answers[1].value:.4g} MPa, from the last open step, {last:.4g} MPa" in printed
+    assert f"to the closing of the last way, {end:.4g} MPa" in printed
+    assert f"where the last way closes, beyond {last:.4g} MPa" in said("ask", folder, "--closed")
     assert "where the last way closes" in said("ask", folder, "--leak-rate", "1e-30 mm^3/s", "--budget", "--jobs", "1")
 
 
