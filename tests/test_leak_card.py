@@ -379,7 +379,7 @@ def test_the_print_keeps_its_text_on_the_page() -> None:
 
 @pytest.mark.layout
 @pytest.mark.parametrize(
-    ("words", "shown"), [(15, "the last fact"), (150, "3 on the page of HTML"), (3000, "The rest is on")]
+    ("words", "shown"), [(15, "the last fact"), (150, "3 on the page of HTML"), (400, "The rest is on")]
 )
 def test_the_print_ends_on_the_page_whatever_it_has(words: int, shown: str) -> None:
     """Long facts take smaller type, then the place of limits; at last a sentence leads to the page of HTML."""
