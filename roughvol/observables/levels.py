@@ -212,7 +212,7 @@ def check_touch(level: Level, case: Case, surface: Surface, untouched: Contact) 
     most = _at_touch(level, case, surface, untouched)
     if (level.value or 0.0) >= most:
         named = isinstance(level.value, Starred) and case.length_unit is not None
-        length = f" = {most * surface.unit:.6g} {case.length_unit}" if named else ""
+        length = f" = {most * (case.height or surface.unit):.6g} {case.length_unit}" if named else ""
         allowed = f"below {most:.6g} σ{length}, that of the first touch"
         message = f"{level.label} lies before the first touch; allowed: {allowed}"
         raise ContactError(message)

@@ -1,6 +1,7 @@
 """Cases and the paths of their sweeps: where a leg ends, which steps it has, what is stored, resumed and refused."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -502,6 +503,14 @@ def test_a_case_without_its_states_is_an_error(text: str, words: str) -> None:
         sweep %= surface_of(case_of(PLAIN)).peak - 1.0  # d/σ at Δ/σ = 1
     with pytest.raises(ContactError, match=words):
         solved(STARTS[start + plus] + sweep)
+
+
+def test_a_gap_wider_than_that_of_the_first_touch_is_refused_with_that_gap() -> None:
+    """The gap is a length of the heights of the study, which are scaled to its Sq."""
+    with pytest.raises(ContactError, match="um, that of the first touch") as error:
+        run_case(case_of(UNITS.replace("Sq: 1 um", "Sq: 0.5 um") + "sweep: {steps: 1, to: {mean_gap: 9 um}}"))
+    gap, length = map(float, re.findall(r"[0-9.]+(?= σ| um, that)", str(error.value)))
+    assert length == pytest.approx(0.5 * gap, rel=1e-5)
 
 
 def test_two_legs_to_the_first_touch_of_elastic_contact_are_refused() -> None:
