@@ -403,6 +403,6 @@ def surface_of(run: Dataset, region: Region | None) -> Surface:
 
     z, periodic = run["heights"].transpose("x", "y").values, "periodic" in run.attrs
     spacing = float(run["L"]) / intervals(z.shape[0], periodic)
-    if region is None:
+    if region is None or region.is_whole:
         return Surface(z, spacing, sides="periodic" if periodic else "free")
     return Surface(z[regions.window_of(region, z.shape, periodic=periodic)], spacing)

@@ -74,6 +74,15 @@ def test_the_flow_through_the_widest_square_of_a_period_is_that_of_the_period():
     assert_allclose(widest.transpose(*found.transmissivity.dims), found.transmissivity, rtol=1e-4)
 
 
+def test_a_region_that_is_the_whole_period_is_that_period():
+    text = "surface: {D: 2.3, m: 4, seeds: [1], sides: periodic}\nsweep: {steps: 1, to: {indentation: 2}}\nrecord: {"
+    transport = "psd: true, texture: true, transport: {percolation: every-step, transmissivity: every-step}}"
+    found = [answer(f"{text}{region}{transport}") for region in ("", "region: {x: [0, 1]}, ")]
+    for name in found[0].data_vars:
+        if not name.endswith("_time"):
+            assert_allclose(found[1][name], found[0][name], err_msg=name)
+
+
 def test_fluxes_outside_the_region_are_missing():
     found = run_case(case_of("sweep: {steps: 1}\nrecord: {region: interior, transport: {flux_at: last}}"))
     known = found.flux.sel(axis="y").squeeze().notnull().values

@@ -152,6 +152,11 @@ class Region(Strict):
         """Region in words, for datasets."""
         return "x/L_x {} to {}, y/L_y {} to {}".format(*map(number_text, (*self.x, *self.y)))
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether the rectangle is the whole surface."""
+        return self.x == self.y == (0.0, 1.0)
+
     def sides(self, along_x: float, along_y: float) -> tuple[float, float]:
         """Return the sides of the rectangle on a surface of these sides."""
         return along_x * (self.x[1] - self.x[0]), along_y * (self.y[1] - self.y[0])
