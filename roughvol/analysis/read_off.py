@@ -374,6 +374,7 @@ def record(answer: Answer, unknown: str) -> dict[str, Any]:
         "unit": answer.unit,
         "closes_inside": nominal.closing,
         "mean_pressure_steps": answer.between,
+        "nominal_pressure_steps": answer.steps,
         "errors": ["reading", *(part.name for part in parts_of(answer))],
         "surfaces": answer.surfaces,
         "leakiest": answer.surface,

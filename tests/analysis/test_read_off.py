@@ -472,6 +472,7 @@ def test_the_json_has_the_unit_of_the_pressure_at_the_study(swept: Dataset, fold
     question = ("--leak-rate", f"{largest} mm^3/s", "--for", "modulus", "--at", "p=1 kPa")
     for answer in answered("ask", folder, *question)["answers"]:
         assert answer["nominal_pressure_unit"] == swept["nominal_pressure"].attrs["units"]
+        assert set(answer["nominal_pressure_steps"]) <= set(swept["nominal_pressure"].values.ravel())
 
 
 @pytest.mark.parametrize(
