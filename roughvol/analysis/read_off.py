@@ -249,7 +249,7 @@ def is_throughput(text: str) -> bool:
 
 
 def of_gas(run: Dataset, unknown: str) -> tuple[Dataset, float]:
-    """Return a run whose leak rates and transmissivities are those of its gas, and the temperature of the gas [K].
+    """Return a run whose leak rates are those of its gas, and the temperature of the gas [K].
 
     The leak of a gas depends on p* alone where Sq stays: its mean free path over Sq is then the same.
     """
@@ -260,8 +260,7 @@ def of_gas(run: Dataset, unknown: str) -> tuple[Dataset, float]:
         raise refused("the run has no leak of a gas: no state of record.transport.gas_flow was reached")
     if unknown == "Sq":
         raise refused("the leak of a gas depends on its mean free path over Sq; allowed: for pressure, modulus")
-    gas = {name: run[f"gas_{name}"] for name in ("leak_rate", "transmissivity")}
-    return run.assign(gas), float(run["gas_leak_rate"].attrs["temperature_K"])
+    return run.assign(leak_rate=run["gas_leak_rate"]), float(run["gas_leak_rate"].attrs["temperature_K"])
 
 
 def nominal_of(run: Dataset, level: Level) -> float:

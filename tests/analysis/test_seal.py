@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 import roughvol
-from roughvol.analysis import seal
+from roughvol.analysis import read_off, seal
 from roughvol.analysis.leak_card import Card, SealLeak
 from roughvol.analysis.leak_curve import ENDLESS
 from roughvol.analysis.stored_run import Run
@@ -323,6 +323,8 @@ def test_a_seal_of_a_gas_alone_turns_its_patches_as_beside_a_liquid(tmp_path: Pa
     text = text.replace("steps: 8, to: percolation", "pressures: [0.01 MPa, 0.05 MPa]")
     both = roughvol.run(loads(f"{text}fluid: {{gas: air, inlet: 2 bar, outlet: 1 bar}}\n"), jobs=1, out=tmp_path)
     assert seal.is_isotropic([seal.ratios(both.isel(seed=[k])) for k in range(3)])
+    asked, _ = read_off.of_gas(both.squeeze(("D", "m")), "pressure")
+    assert_array_equal(seal.ratios(asked.isel(seed=[0])), seal.ratios(both.isel(seed=[0])))
     of_gas = both.drop_vars([name for name in both if str(name).startswith(("transmissivity", "leak_rate"))])
     leaks = [screen.records(Run.of("joint", ds), [parse(AT)]).frame()["seal_gas_leak_rate"] for ds in (both, of_gas)]
     assert_allclose(*leaks, rtol=1e-12)
