@@ -6,19 +6,21 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from xarray import Dataset
 
-from roughvol.analysis.at import between, place_of
+from roughvol.analysis.at import state_at
 from roughvol.analysis.average import average
-from roughvol.analysis.leak import counted
+from roughvol.analysis.derived import derived
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number, spread
 from roughvol.analysis.units import sigma
-from roughvol.study.values.state_kinds import slack
-from roughvol.typing import Array
+from roughvol.errors import DatasetError
+from roughvol.study import Level
 
 P = "mean_pressure"
-QUANTITIES = ("flow_x", "flow_y", "free_volume", "contact_area_fraction")
+FLOW, VOLUME = "transmissivity", "free_volume"
+QUANTITIES = (f"{FLOW}_x", f"{FLOW}_y", VOLUME, "contact_area_fraction")  # the flow is T* V*³
 SHARES = (0.25, 0.5, 0.75, 1.0)  # of the largest pressure that both have
 
 
@@ -43,20 +45,22 @@ NOTE = (
 HEAD = ("p*", "quantity", "elastic", "plastic", "elastic over plastic", "surfaces")
 
 
-def hysteresis(group: Dataset, several: str = "") -> Iterator[Table]:
+def hysteresis(run: Run, group: Dataset, several: str = "") -> Iterator[Table]:
     """Yield the table of a path of surfaces along ``seed``: quantities at equal pressures on the legs up and down."""
     if "leg" not in group:
         return
     legs = np.unique(group["leg"].values).tolist()
     if len(legs) < 2:
         return
+    group = _with_flow(group)
     curves = {leg: _leg(group, leg) for leg in legs}
     names = [name for name in QUANTITIES if all(name in c and bool(c[name].notnull().any()) for c in curves.values())]
     top = _top(curves.values())
     rows = []
     for share in SHARES:
+        states = [_at(run, group, leg, share * top) for leg in legs]
         for name in names:
-            values = [_at(curves[leg], name, share * top) for leg in legs]
+            values = [list(_by_seed(state, name).values()) for state in states]
             rows.append((number(share * top), _symbol(curves[legs[0]], name), *(_one(name, value) for value in values)))
     title = "On every leg of the path" + (f", {several}" if several else "")
     note = "At equal p*, interpolated between steps; over the surfaces that reach it the mean, of leaks the median."
@@ -88,31 +92,40 @@ def _same_surfaces(one: Run, other: Run) -> bool:
 
 def _rows(elastic: Run, plastic: Run) -> Iterator[tuple[str, ...]]:
     D, m = max(elastic.D), max(elastic.m)
-    hard, soft = (_leg(counted(run.dataset).sel(D=D, m=m), 1) for run in (elastic, plastic))
+    groups = [_with_flow(derived(run.dataset, run.study).sel(D=D, m=m)) for run in (elastic, plastic)]
+    hard, soft = (_leg(group, 1) for group in groups)
     top = _top((hard, soft))
     for share in SHARES:
+        states = [_at(run, group, 1, share * top) for run, group in zip((elastic, plastic), groups, strict=True)]
         for name in (name for name in QUANTITIES if name in soft and name in hard):
-            first, second = _at(hard, name, share * top), _at(soft, name, share * top)
-            both = np.isfinite(first) & np.isfinite(second)
-            if not both.any():
+            first, second = (_by_seed(state, name) for state in states)
+            both = np.array([(first[seed], second[seed]) for seed in first if seed in second]).reshape(-1, 2)
+            both = both[np.isfinite(both).all(axis=1)]
+            if not both.size:
                 continue
-            open_ = both & (first > 0.0) & (second > 0.0)
-            ratio = np.exp(np.mean(np.log(first[open_] / second[open_]))) if open_.any() else np.nan
-            means = _one(name, first[both]), _one(name, second[both])
+            open_ = both[(both > 0.0).all(axis=1)]
+            ratio = np.exp(np.mean(np.log(open_[:, 0] / open_[:, 1]))) if open_.size else np.nan
             yield (
                 number(share * top),
                 _symbol(soft, name),
-                *means,
+                *(_one(name, values) for values in both.T),
                 number(float(ratio)),
-                f"{open_.sum()} of {both.sum()}",
+                f"{len(open_)} of {len(both)}",
             )
 
 
+def _with_flow(group: Dataset) -> Dataset:
+    """Return a group whose transmissivity is the leak at a pressure drop, T* V*³, at steps and recorded states."""
+    flows = {}
+    for at in ("", "flux_at_"):
+        if f"{at}{FLOW}" in group:
+            flow = group[f"{at}{FLOW}"] * group[f"{at}{VOLUME}"] ** 3
+            flows[f"{at}{FLOW}"] = flow.assign_attrs(symbol="leak along i, T_i* V*³")
+    return group.assign(flows)
+
+
 def _leg(group: Dataset, leg: int) -> Dataset:
-    """Return the steps of one leg, all of them where there is one sweep, with the leak T* V*³ at a pressure drop."""
-    if "transmissivity" in group:
-        leak = group["transmissivity"] * group["free_volume"] ** 3
-        group = group.assign(flow=leak.assign_attrs(symbol="leak along i, T_i* V*³"))
+    """Return the steps of one leg, all of them where there is one sweep."""
     group = spread(group)
     if "leg" not in group:
         return group
@@ -125,18 +138,24 @@ def _top(curves: Iterable[Dataset]) -> float:
     return min(float(np.nanmin(curve[P].max("step").values)) for curve in curves)
 
 
-def _at(curve: Dataset, name: str, pressure: float) -> Array:
-    """Return a quantity of every surface at a pressure, NaN where a surface does not reach it."""
-    loads = curve[P].transpose("seed", "step").values
-    places = [place_of(row, pressure, slack("pressure", pressure)) for row in loads]
-    seeds = [seed for seed, place in enumerate(places) if place is not None]
-    values = np.full(len(places), np.nan)
-    if seeds:
-        values[seeds] = between(curve, seeds, [place for place in places if place is not None])[name].values
-    return values
+def _at(run: Run, group: Dataset, leg: int, pressure: float) -> Dataset | None:
+    """Return the numbers along ``seed`` of the surfaces that a leg brings to a pressure; None without one."""
+    try:
+        state = state_at(run, group, Level("pressure", pressure, leg if "leg" in group else None))
+    except DatasetError:
+        return None
+    return spread(state.data)
 
 
-def _one(name: str, values: Array) -> str:
+def _by_seed(state: Dataset | None, name: str) -> dict[int, float]:
+    """Return a quantity of each surface of a state, by its seed; a file has none."""
+    if state is None:
+        return {}
+    seeds = state["seed"].values.tolist() if "seed" in state.coords else [0]
+    return dict(zip(seeds, state[name].values.tolist(), strict=True))
+
+
+def _one(name: str, values: ArrayLike) -> str:
     return number(average(name, values).value)
 
 

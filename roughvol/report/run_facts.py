@@ -77,7 +77,7 @@ def _tables(run: Run) -> Iterator[Table]:
         some = [(name, with_leaks(run.study, group, group)) for name, group in found]
         yield from closing([(name, first_leg(group)) for name, group in some])
         for name, group in some:
-            yield from hysteresis(group, name if len(some) > 1 else "")
+            yield from hysteresis(run, group, name if len(some) > 1 else "")
         titles = [f"States, {name}" if len(some) > 1 else "States" for name, _ in some]
         yield from filter(None, map(_states, titles, (group for _, group in some)))
 

@@ -1,4 +1,4 @@
-"""The effect of yield: which runs are compared."""
+"""The effect of yield: which runs are compared, and the leak at equal loads."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 import roughvol
-from roughvol.analysis.hysteresis import comparisons
+from roughvol.analysis.derived import derived, groups
+from roughvol.analysis.hysteresis import comparisons, hysteresis
 from roughvol.analysis.stored_run import Run
 from roughvol.study import loads
 
@@ -23,6 +24,11 @@ REGION = ("sweep:", "record: {region: interior}\nsweep:")
 
 LAYER = ("E_star: 10 MPa", "E: 10 MPa, nu: 0.3, thickness: 50 um")
 HARD = ("10 MPa", "10 MPa, hardness: 1 MPa")
+CLOSING = ("sweep:", "record: {transport: {transmissivity: every-step, closing: true}}\nsweep:")
+PATH = (
+    "sweep: {steps: 2, to: {pressure: 0.1 MPa}}",
+    "sweep: [{pressures: [0.02 MPa, 0.2 MPa]}, {pressures: [0.02 MPa]}]",
+)
 
 
 def _made(name: str, out: Path, *changes: tuple[str, str]) -> Run:
@@ -46,3 +52,26 @@ def test_a_layer_is_the_same_in_any_unit_of_length(tmp_path: Path) -> None:
     metal = _made("metal", tmp_path, MIRRORED, LAYER, HARD, ("100 um", "0.1 mm"))
     half_space = _made("half_space", tmp_path, MIRRORED, HARD)
     assert [found.plastic for found in comparisons([elastic, metal, half_space])] == ["metal"]
+
+
+def test_a_way_is_closed_on_every_leg_from_its_solved_closing_load_on(tmp_path: Path) -> None:
+    run = _made("path", tmp_path, ("[1, 2]", "[1]"), CLOSING, PATH)
+    ((_, group),) = groups(derived(run.dataset, run.study))
+    (table,) = hysteresis(run, group)
+    closes = {f"leak along {axis}": float(group.closing_pressure.sel(axis=axis).squeeze()) for axis in "xy"}
+    rows = [(float(p), closes[name[:12]], cells) for p, name, *cells in table.rows if name[:12] in closes]
+    assert {p >= load for p, load, _ in rows} == {True, False}
+    for p, load, cells in rows:
+        assert [float(cell) == 0.0 for cell in cells] == [p >= load] * 2, (p, load)
+
+
+def test_two_runs_are_compared_by_the_leak_of_their_states(tmp_path: Path) -> None:
+    sweep = ("steps: 2, to: {pressure: 0.1 MPa}", "pressures: [0.05 MPa, 0.6 MPa]")
+    runs = [_made(name, tmp_path, CLOSING, sweep, *hard) for name, hard in {"elastic": (), "metal": (HARD,)}.items()]
+    ((compared),) = comparisons(runs)
+    rows = [row for row in compared.rows if row[1].startswith("leak along y")]
+    for p, _, *leaks in rows:
+        for run, leak in zip(runs, leaks, strict=False):
+            at = run.dataset.roughvol.at(f"p={p}")
+            flow = (at.transmissivity * at.free_volume**3).sel(axis="y")
+            assert (float(leak) == 0.0) == (float(flow.median()) == 0.0), (run.name, p)
