@@ -228,6 +228,17 @@ def test_closing_loads_that_are_nearly_equal_have_an_axis_of_few_digits(one: Dat
     assert 0.01 < high / low - 1.0 < 0.1
 
 
+def test_a_way_closes_over_every_quantity_at_its_solved_closing_load(tmp_path: Path) -> None:
+    flows = "record: {transport: {transmissivity: every-step, closing: true}}"
+    study = loads(f"surface: {{D: 2.2, m: 4, seeds: [1]}}\nsweep: {{pressures: [0.2, 3]}}\n{flows}")
+    ds = roughvol.run(study, jobs=1, out=tmp_path / "run")
+    panels = FIGURES["seal_transmissivity"](ds).axes[:3]
+    for axis, marker in {"x": "x", "y": "+"}.items():
+        at = ds.roughvol.at(pressure=ds.closing_pressure.sel(axis=axis).item())
+        marks = [next(line for line in ax.lines if line.get_marker() == marker).get_xdata()[0] for ax in panels]
+        assert_allclose(marks, [at[name].item() for name in ("mean_pressure", "contact_area_fraction", "free_volume")])
+
+
 def test_the_connected_volume_ends_at_its_last_state_above_zero(one: Dataset) -> None:
     share = one.connected_volume_fraction.where(one.step < 6, 0.0)
     line = FIGURES["seal_volume"](one.assign(connected_volume_fraction=share)).axes[0].lines[0]

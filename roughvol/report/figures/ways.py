@@ -1,9 +1,9 @@
 """Ways through the gap in figures: what flows along a direction under load, where it closes, and how both are drawn.
 
-A way is known at its computed states alone. Over a load it closes at its solved closing load, if the study has it.
-Elsewhere it is closed from the first state at which nothing flows (or no open void leads from side to side) and that no
-open state follows; between the last open state and that one the closing load is not known. Beyond its last state an
-open way is unknown, not closed.
+A way is known at its computed states alone. It closes at its solved closing load, if the study has it: beyond the last
+state over a load alone, between two states over any quantity. Without one it is closed from the first state at which
+nothing flows (or no open void leads from side to side) and that no open state follows; between the last open state and
+that one the closing load is not known. Beyond its last state an open way is unknown, not closed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 from xarray import DataArray, Dataset
 
-from roughvol.analysis.at import MADE
+from roughvol.analysis.at import MADE, place_of
 from roughvol.analysis.average import RANGE
 from roughvol.analysis.closing import LOADS, solved_loads
 from roughvol.analysis.leak import LIFTED, STATE, is_lifted, with_closed
@@ -46,7 +46,7 @@ class Way(NamedTuple):
 
     load: Array  # of the open states
     value: Array  # there
-    closed: float  # solved closing load, or load of the first state computed closed; NaN if it was open to the end
+    closed: float  # that of the solved closing, or of the first state computed closed; NaN if it was open to the end
     ends: float = math.nan  # load of the last computed state
 
     @property
@@ -85,12 +85,24 @@ def _every_way(family: Family, x: str, name: str, direction: str) -> list[Way]:
     loads = family.data[x].transpose("seed", "step").values
     values = flow(family.data, name, direction).transpose("seed", "step").values
     found = [way(*pair) for pair in zip(loads, values, strict=True)]
-    if x not in LOADS or is_lifted(family.data):  # under fluid pressure the solved loads are those of the dry gap
+    if is_lifted(family.data):  # under fluid pressure the solved loads are those of the dry gap
         return found
-    ends = solved_loads(family.data, direction, x)
+    ends = _closings(family.data, direction, x)
     return [
         states._replace(closed=end) if math.isfinite(end) else states for states, end in zip(found, ends, strict=True)
     ]
+
+
+def _closings(ds: Dataset, direction: str, x: str) -> list[float]:
+    """Return x at the solved closing load of each surface, between two steps on a straight line over the load."""
+    if x in LOADS:
+        return solved_loads(ds, direction, x)
+    ends, found = solved_loads(ds, direction, "mean_pressure"), list[float]()
+    loads, values = (ds[name].transpose("seed", "step").values for name in ("mean_pressure", x))
+    for end, load, value in zip(ends, loads, values, strict=True):
+        place = place_of(load, end, 0.0)
+        found.append(math.nan if place is None else float(np.interp(place, np.arange(value.size), value)))
+    return found
 
 
 def _recorded_loads(ds: Dataset, x: str) -> Array | None:
