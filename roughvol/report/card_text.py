@@ -134,7 +134,7 @@ def tight(way: Way, *, legs: bool = False) -> str:
     """
     closing = way.closing
     if not closing.closed or not math.isfinite(closing.value):  # not followed, or surfaces that stay open
-        return closing.words if closing.spans else ""
+        return f"{ON_LEG if legs else ''} {closing.words}".strip() if closing.spans else ""
     unknown = ", ".join(part.name for part in closing.parts if not part.known)
     mean = f"{' in the mean' if len(closing.spans) > 1 else ''}{ON_LEG if legs else ''}"
     return _tight_above(closing.value, closing.interval, closing.unit, mean, f"({unknown})" if unknown else "")
