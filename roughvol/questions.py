@@ -208,7 +208,8 @@ def ask(
     found = opened(run, changes)
     wanted = "" if leak_rate is None else str(text_of_value(leak_rate, "leak_rate")).lstrip("<= ")
     results, kelvin = of_one_combination(found.dataset), None
-    if read_off.is_throughput(wanted):
+    of_gas_alone = "leak_rate" not in results and "gas_leak_rate" in results
+    if read_off.is_throughput(wanted) or (leak_rate is not None and of_gas_alone):
         results, kelvin = read_off.of_gas(results, unknown)
     results = read_off.checked(results, leaks=leak_rate is not None)
     load = None if at is None else read_off.nominal_of(results, level(at))

@@ -173,15 +173,16 @@ def test_the_unit_of_a_leak_decides_between_liquid_and_gas() -> None:
     flows = dataset.read(Path("runs/gas/study.nc")).gas_leak_rate.sel(axis="x").values.ravel()
     rate = float(flows[2] * flows[3]) ** 0.5
     same = rate * 101325e-6 / 60 * 293.15 / 273.15 * 10  # from 0 °C to the temperature of the gas
-    asked = [said("ask", "gas", "--leak-rate", one) for one in (f"< {rate} sccm", f"{same} mbar·l/s")]
+    asked = [said("ask", "gas", "--leak-rate", one) for one in (f"< {rate} sccm", f"{same} mbar·l/s", f"{rate}")]
     assert "along x: pressure 0.0" in asked[0]
-    first, second = (float(one.split("along x: pressure ")[1].split()[0]) for one in asked)
+    assert asked[2] == asked[0]  # a plain number is in the unit of the run, as that of a liquid
+    first, second = (float(one.split("along x: pressure ")[1].split()[0]) for one in asked[:2])
     assert abs(first / second - 1.0) < 1e-3
     for words, message in (
         (["1 sccm", "--budget"], "the budget of the error is that of a liquid"),
         (["1 sccm", "--for", "Sq", "--at", "pressure=1 kPa"], "mean free path"),
-        (["1 mm^3/s"], "the run has the leak of a gas alone; allowed: a unit of throughput, as in sccm"),
-        (["1"], "allowed: a unit of throughput, as in sccm"),
+        (["1 mm^3/s"], "as in sccm ('mm^3/s' is a unit of flow, not of throughput; allowed: mbar*l/s, "),
+        (["1 torrr*l/s"], "as in sccm ('torrr*l/s' is no known unit; allowed for a throughput: mbar*l/s, "),
     ):
         assert message in refused("ask", "gas", "--leak-rate", *words)
     ran("far", GAS.replace("every-step", "{contact_area: 0.9}").replace("name: gas", "name: far"))

@@ -277,10 +277,14 @@ def _key_and_value(change: str) -> tuple[KeyPath, Any]:
     keys = key_path(name)
     if not equals or not keys:
         raise StudyError([Problem(f"must be KEY=VALUE, as surface.m=6, given {show(change)}", file=CHANGES)])
+    reading = Reading()
     try:
-        return keys, Reading().read(f"value: {text.strip()}")["value"]
+        value = reading.read(f"value: {text.strip()}")["value"]
     except UnreadableError as error:
         raise StudyError([Problem(f"{text.strip()!r}: {error}", name.strip(), file=CHANGES)]) from error
+    if wrong := reading.problems:
+        raise StudyError([Problem(wrong[path], key_text((*keys, *path[1:])), file=CHANGES) for path in wrong])
+    return keys, value
 
 
 def _mark(marks: dict[KeyPath, tuple[int, int]], key: KeyPath) -> tuple[int, int]:

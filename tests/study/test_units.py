@@ -31,3 +31,8 @@ def test_a_dot_between_units_is_a_product(dotted: str, same: str) -> None:
     kind = next(kind for kind, row in KINDS.items() if same in row.units)
     assert convert(read(f"2.5 {dotted}", kind), dotted, same) == pytest.approx(2.5)
     assert unit_of(read(f"2.5 {dotted}", kind)) == dotted.replace(".", "*")
+
+
+def test_torr_has_its_symbol_of_vacuum_technology_too() -> None:
+    assert convert(read("760 Torr", "pressure"), "Torr", "Pa") == pytest.approx(101325.0, rel=1e-12)
+    assert convert(1.0, "Torr*l/s", "mbar*l/s") == pytest.approx(1013.25 / 760, rel=1e-12)

@@ -361,6 +361,7 @@ def _registry() -> Any:
     import pint
 
     registry: Any = pint.UnitRegistry()
+    registry.define("@alias torr = Torr")
     for name, time in (("sccm", "minute"), ("sccs", "second")):  # at 0 °C; see `fluid.throughput`
         registry.define(f"{name} = 101325 * pascal * centimeter**3 / {time}")
     return registry
