@@ -257,7 +257,8 @@ def test_the_table_of_cards_of_a_gas_alone_has_the_leak_of_the_gas() -> None:
     Path("gas.yaml").write_text(
         "surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: [1]}\nmaterial: {E: [6 MPa, 12 MPa], nu: 0.5}\n"
         "sweep: {pressures: [0.01 MPa, 0.03 MPa]}\nfluid: {gas: helium, inlet: 100 mbar, outlet: 0 mbar}\n"
-        "record: {transport: {gas_flow: every-step}, dimensional: {gas_leak_rate: sccm, pressure: MPa}}",
+        "record: {transport: {gas_flow: every-step}, dimensional: {gas_leak_rate: sccm, pressure: MPa}}\n"
+        "seal: {length: 3 mm, width: 0.2 mm}",
         encoding="utf-8",
     )
     found = roughvol.card("gas.yaml", {"pressure": "0.03 MPa"}, jobs=1)
@@ -265,7 +266,16 @@ def test_the_table_of_cards_of_a_gas_alone_has_the_leak_of_the_gas() -> None:
     leaks = [row[table.head.index("leak of the gas x [sccm]")] for row in table.rows]
     known = [beside.leaks[0].value for card in found.cards.values() for beside in card.beside]
     assert leaks == [card_text.short(leak) for leak in known]
+    of_seal = [row[table.head.index("leak of the gas, seal [sccm]")] for row in table.rows]
+    assert of_seal == [card_text.short(card.seal.gas_leak) for card in found.cards.values() if card.seal]
     assert "leak x T* V*³ of a liquid" in table.head
+
+
+def test_a_card_has_the_second_body_as_the_study_gives_it() -> None:
+    material = "{E: 10 MPa, nu: 0.5, against: {E: 200 GPa, nu: 0.3}}"
+    study = _study(SEAL.replace("{E_star: 10 MPa}", material))
+    facts = dict(card_text.rests_on(roughvol.card(study, "pressure=0.02 MPa", jobs=1).pages[0].fine)[0])
+    assert facts["Material"] == "E 10 MPa, nu 0.5, against {E: 200 GPa, nu: 0.3}"
 
 
 def test_a_variation_of_a_study_has_a_card_of_its_own() -> None:

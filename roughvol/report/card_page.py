@@ -123,10 +123,13 @@ def table_of(pages: Sequence[Page]) -> Table:
             known = math.isfinite(seal.closing)
             tight = f"{number(seal.closing)} {seal.load_unit}".strip() if known else card_text.short(seal.closing)
             row += [card_text.short(seal.leak), card_text.factor(seal.factor, seal.smaller), tight]
+            row += [card_text.short(seal.gas_leak)] if seal.gas_unit else []
         rows.append(tuple(row))
     heads = [head for way in ways for head in (f"leak {way.axis}{unit}", "error", f"{way.axis} closes")]
     heads += [f"leak of the gas {way.axis}{card_text.in_brackets(gas.unit)}" for gas in gases for way in ways]
-    heads += [f"leak of the seal{unit}", "error", "seal closes"] if pages[0].card.seal is not None else []
+    if (seal := pages[0].card.seal) is not None:
+        heads += [f"leak of the seal{unit}", "error", "seal closes"]
+        heads += [f"leak of the gas, seal{card_text.in_brackets(seal.gas_unit)}"] if seal.gas_unit else []
     note = "The leak of several surfaces is their median."
     if any(way.leak.value == 0.0 for page in pages for way in page.card.ways):
         note += " The error of a closed way is that of its closing load."

@@ -20,6 +20,7 @@ from roughvol.report.figures.style import unit_text
 from roughvol.report.run_facts import facts
 from roughvol.store.stamped_file import digest_of
 from roughvol.study import Study, convert
+from roughvol.study.plain_data import inline
 
 OF_LIQUID = "of a liquid"
 ON_LEG = " on leg 1"
@@ -366,7 +367,7 @@ def _material(run: Run) -> Iterator[tuple[str, str]]:
     """Yield the material as the study gives it."""
     given = run.study.material.model_dump(mode="json", exclude_none=True, exclude_defaults=True) if run.study else {}
     if run.study and list(given) != ["E_star"]:
-        yield "Material", ", ".join(f"{name} {value}" for name, value in given.items()) or "E* 1"
+        yield "Material", ", ".join(f"{name} {inline(value)}" for name, value in given.items()) or "E* 1"
 
 
 def identity(fine: Sequence[Dataset], origin: Identity) -> list[tuple[str, str]]:
