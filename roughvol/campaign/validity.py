@@ -365,10 +365,11 @@ def _of_states(given: Setting, states: _States) -> Iterator[Finding]:
         if not beyond.any():
             continue
         least, p = nominal[beyond].min(), states.starred[beyond].min()
+        largest = nominal[beyond].max() if states.starred[beyond].max() > UNLOADED else 0.0
         words |= {
             "highest": f"{np.nanmax(number[beyond]):.2g}",
             "least": _pressure(given, least) if given.scaled and given.unit else f"p* = {p:.3g}",
-            "largest": _pressure(given, nominal[beyond].max()),
+            "largest": _pressure(given, largest),
             "extent": f"{beyond.sum()} of {among.sum()} states",
         }
         if (of_cases := among.any(-1).sum()) != 1:
