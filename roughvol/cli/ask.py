@@ -133,15 +133,17 @@ def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
     first, last, both = (_loads(answer, *ends, in_units=of_pressure) for ends in ((0,), (1,), (0, 1)))
     steps = f"between the steps {both}" if math.isfinite(answer.between[1]) else f"beyond {first}"
     of = f", for the leakiest of {answer.surfaces} surfaces ({answer.surface})" if answer.surfaces > 1 else ""
+    unit = "" if answer.unit == "1" else f" {answer.unit}"
+    name = {"pressure": "pressure" if unit else "p* =", "modulus": "modulus E* =", "Sq": "Sq"}[unknown]
     if answer.nominal.value == 0.0:
         begin = f"the first known step {'is closed' if closed else 'leaks less'}"
         every = f" of all {answer.surfaces} surfaces" if answer.surfaces > 1 else ""
-        least = f"{unknown} {'of' if of_pressure else 'with'} {last}"
-        return f"any {least} or more: {begin}{every}; smaller loads are not known"
+        if of_pressure:
+            return f"any pressure of {last} or more: {begin}{every}; smaller loads are not known"
+        most = f"{'E* = ' if unknown == 'modulus' else ''}{number(answer.low)}{unit}"
+        return f"any {unknown} up to {most}: {begin}{every}, {last}; a larger {unknown} is not known"
     if not answer.found:
         return f"no {unknown} within the stored loads, up to {first}{of}"
-    unit = "" if answer.unit == "1" else f" {answer.unit}"
-    name = {"pressure": "pressure" if unit else "p* =", "modulus": "modulus E* =", "Sq": "Sq"}[unknown]
     closes = ", where the last way closes" if answer.nominal.closing else ""
     if closes and not closed and answer.budget is None:
         # the patches of a seal are between two of their steps, so the interval may begin before the step of the seal
