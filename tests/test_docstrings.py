@@ -68,16 +68,21 @@ def test_the_page_has_every_function_of_the_package() -> None:
 
 def test_the_records_of_the_page_have_the_attributes_that_it_names() -> None:
     row = re.compile(r"^\| (.*?) ?\| `([a-z_.]+\.[A-Z]\w+)` \| (.*) \|$", re.MULTILINE)
-    rows = row.findall(PAGE.read_text(encoding="utf-8"))
-    functions = set()
+    text = PAGE.read_text(encoding="utf-8")
+    rows = row.findall(text)
+    functions, held_by = set(), dict[str, set[str]]()
     for function, path, names in rows:
         module, _, name = f"roughvol.{path}".rpartition(".")
         record = getattr(importlib.import_module(module), name)
-        held = {*dir(record), *record.__annotations__}
+        held = held_by[name] = {*dir(record), *record.__annotations__}
         assert set(re.findall(r"`(\w+)`", names)) <= held, path
         functions |= set(re.findall(r"`(\w+)`", function))
     assert functions < set(roughvol.__all__)
     assert len(rows) > 12
+    meanings = re.findall(r"^\| (`[A-Z]\w+\.\w+.*?) \|", text, re.MULTILINE)
+    explained = [pair for cell in meanings for pair in re.findall(r"`(\w+)\.(\w+)(?:\.\w+)?`", cell)]
+    assert [pair for pair in explained if pair[1] not in held_by.get(pair[0], ())] == []
+    assert len(explained) > 20
 
 
 def test_a_function_without_its_sections_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -126,7 +126,7 @@ def licences() -> list[Licence]:
     ('roughvol', 'MIT', 'permissive')
     """
     if not _found("roughvol"):
-        raise DatasetError("roughvol is imported from a folder, and not installed; allowed: pip install roughvol")
+        raise DatasetError("roughvol is imported from a folder, and not installed; allowed: pip install -e . there")
     always = _reached("roughvol", "")
     extras = {
         extra: found
