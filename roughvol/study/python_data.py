@@ -8,6 +8,7 @@ has base units, but for L: its unit is that of heights without one. A number of 
 
 from __future__ import annotations
 
+import inspect
 import json
 import numbers
 import os
@@ -107,7 +108,8 @@ def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
         return plain(number.tolist(), problems, path)
     if isinstance(number, Sequence) and not isinstance(number, bytes | bytearray | memoryview):
         return [plain(item, problems, (*path, index)) for index, item in enumerate(number)]
-    problems[path] = f"must be {ALLOWED}, given a value of the type {type(number).__name__}"
+    hint = "; a function has its name here, as module:function" if inspect.isroutine(number) else ""
+    problems[path] = f"must be {ALLOWED}, given a value of the type {type(number).__name__}{hint}"
     return None
 
 

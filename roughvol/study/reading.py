@@ -236,8 +236,10 @@ def _study(
         context |= {UNSAID: {"sides": "free"}} if stored or of_run else {}  # versions without the key had free patches
         study = Study.model_validate({"name": name, **data}, context=context)
     except ValidationError as error:
+        unread = list(problems)  # their values are None here, which is no fault of the mapping around
         for key, message in translated(error, data, Study):
-            problems.setdefault(key, message)
+            if not any(key == path[: len(key)] for path in unread):
+                problems.setdefault(key, message)
         if not problems:  # a rule broken by rounding alone, as of 9007199254740993
             problems[()] = error.errors()[0]["msg"]
     places = reading.places(file, arguments)
