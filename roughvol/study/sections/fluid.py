@@ -14,7 +14,6 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from roughvol.study.plain_data import number_text
 from roughvol.study.sections.strict import Strict, default
 from roughvol.study.values.types import Positive, refuse
 from roughvol.study.values.units import In, Viscosity, convert, counts_substance, in_unit
@@ -63,7 +62,7 @@ class OwnGas(Strict):
 
 def _above_zero(temperature: float) -> float:
     if not (kelvin := in_unit(temperature, "K")) > 0.0:
-        refuse("must be above 0 K, is {kelvin} K", kelvin=number_text(kelvin))
+        refuse("must be above 0 K, is {kelvin} K", kelvin=f"{kelvin:g}")
     return temperature
 
 
