@@ -32,6 +32,8 @@ from roughvol.typing import Array, Mask
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
 
+    from roughvol.study.sections.fluid import Fluid
+
 LOOKED_AT = 10  # largest m of a surface made for its slope alone
 ATMOSPHERE = 101325.0  # Pa: the ambient of a gas, whose pressures are absolute; other pressures are over the ambient
 STIFF = 20.0  # GPa, E*: above polymers and rubber, below all structural metals
@@ -85,6 +87,7 @@ class Setting:
     drop: float = math.nan  # over E*; NaN for a modulus without a unit
     fluid: float = math.nan  # largest mean pressure of a fluid over the ambient, over E*; NaN without one
     fluid_text: str = ""  # its inlet and outlet
+    free_path: float = math.nan  # of a gas by the law kinetic at the mean of its pressures, in m
     lifted: bool = False  # the fluid of the pressure drop lifts the gap at recorded states
     thickness: float = math.inf  # of a layer, in the unit of L
     scaled: bool = False  # the ratio of heights to L is that of a real surface
@@ -114,6 +117,7 @@ def setting(study: Study) -> Setting:
         drop=math.nan if unit is None else convert(drop, "Pa", unit) / material.contact_modulus,
         fluid=math.nan if unit is None else convert(mean, "Pa", unit) / material.contact_modulus,
         fluid_text=sides,
+        free_path=_free_path(study.fluid),
         lifted=record.fluid_pressure is not None and not of_gas,
         thickness=dict(study.kernel(surface.length_unit).lengths).get("thickness", math.inf) if scaled else math.inf,
         scaled=scaled,
@@ -146,6 +150,18 @@ def _fluids(study: Study) -> tuple[tuple[float, str, bool], tuple[float, str]]:
     return largest, max(means, default=(math.nan, ""))
 
 
+def _free_path(fluid: Fluid | None) -> float:
+    """Return the mean free path of a gas at the mean of its pressures [m]; NaN without one, and by another law."""
+    return (
+        fluid.mean_free_path(0.5 * sum(fluid.pressures)) if fluid is not None and fluid.law == "kinetic" else math.nan
+    )
+
+
+def _metres(length: float, unit: str | None) -> float:
+    """Return a length in m; NaN without a unit."""
+    return math.nan if unit is None else convert(length, unit, "m")
+
+
 def _written(hardness: float | None, unit: str | None) -> str:
     """Return a hardness with its own unit, or with that of the modulus."""
     if hardness is None or unit_of(hardness) is not None:
@@ -162,6 +178,7 @@ class _States:
     starred: Array  # pressure p*
     deepest: Array  # displacement of the deepest point, in the unit of L
     flow: Mask  # states with a leak rate
+    length: float  # of the surfaces, in m; NaN without a unit
     peak: float  # highest point above the mean plane over Sq
     slopes: Array  # of the surfaces
     in_contact: float  # mean pressure of the contact over E* at the highest load
@@ -174,7 +191,14 @@ class _States:
 
 
 def before(
-    given: Setting, targets: Sequence[Level], *, Sq: float, Sdq: float, L: float, peak: float = math.nan
+    given: Setting,
+    targets: Sequence[Level],
+    *,
+    Sq: float,
+    Sdq: float,
+    L: float,
+    unit: str | None = None,
+    peak: float = math.nan,
 ) -> list[Finding]:
     """Return the limits that a study will probably exceed at its highest load, with pressures by Persson's theory.
 
@@ -183,7 +207,7 @@ def before(
         (p/s²) exp(-p²/(2 s²)) with s = Sdq/2, and the mean √(π/2) s = 0.63 Sdq.
 
     ``targets`` are the ends of the legs, and listed states. Sq, Sdq and L are those of the roughest surface, unused if
-    ``given.scaled`` is False. ``peak`` is its highest point above the mean plane over Sq.
+    ``given.scaled`` is False. ``unit`` is that of L. ``peak`` is its highest point above the mean plane over Sq.
     """
     scale = 0.5 * Sdq if given.scaled else math.nan
     ends = [_end(target, scale, Sq / L) for target in targets if given.scaled]
@@ -200,6 +224,7 @@ def before(
         starred=np.ones((1, 1)),
         deepest=np.array([[max([Sq * _depth(target, peak) for target in targets], default=math.nan)]]),
         flow=np.array([[end > 0.0]]),
+        length=_metres(L, unit),
         peak=peak,
         slopes=np.array([Sdq]),
         in_contact=math.sqrt(0.5 * math.pi) * scale,
@@ -231,6 +256,7 @@ def after(given: Setting, results: Dataset) -> list[Finding]:
         starred=starred,
         deepest=states(results["indentation"]) * Sq,
         flow=np.any([states(leak) for leak in leaks], axis=0) if leaks else np.zeros(starred.shape, dtype=bool),
+        length=_metres(results["L"].item(), results.attrs.get("length_unit")),
         # d/σ + Δ/σ: height of the first touch above the mean plane
         peak=float((results["separation"] + results["indentation"]).max()),
         slopes=results["Sdq"].values.ravel() if given.scaled else np.empty(0),
@@ -263,7 +289,7 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[Finding]:
     if case.sweep.steps == 0:
         return []
     if not given.scaled:
-        return before(given, [], Sq=math.nan, Sdq=math.nan, L=case.L)
+        return before(given, [], Sq=math.nan, Sdq=math.nan, L=case.L, unit=case.length_unit)
     size = 1.0
     if isinstance(made, MadeSurface):
         m = min(max(made.m, default=case.m or 0), LOOKED_AT)
@@ -272,7 +298,8 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[Finding]:
     surface = surface or surface_of(case)
     targets = [level for leg in path.starred(case, surface).sweep.legs for level in leg.goals]
     Sdq = size * texture.Sdq(surface.with_neighbours, surface.spacing)
-    return before(given, targets, Sq=size * surface.Sq, Sdq=Sdq, L=surface.side, peak=surface.peak)
+    found = {"Sq": size * surface.Sq, "Sdq": Sdq, "L": surface.side, "peak": surface.peak}
+    return before(given, targets, **found, unit=case.length_unit)
 
 
 def kept(given: Setting, results: Dataset) -> list[Limit]:
@@ -283,6 +310,7 @@ def kept(given: Setting, results: Dataset) -> list[Limit]:
         "thickness": math.isfinite(given.thickness),
         "hardness": given.hardness is not None and not given.yields,
         "pressure_drop": math.isfinite(given.drop) and not given.lifted and any(name in results for name in FLOWS),
+        "free_path": math.isfinite(given.free_path) and any(name in results for name in FLOWS),
         "rim": given.patch,
         "peak": given.measured,
     }
@@ -336,6 +364,8 @@ def _of_surfaces(given: Setting, states: _States) -> Iterator[Finding]:
     if given.drop_text and math.isnan(given.drop) and (states.expected or states.flow.any()):
         text = "cannot be compared with the contact pressure: the modulus has no unit"
         yield Finding("pressure_drop", f"pressure_drop {given.drop_text} {text}")
+    if LIMITS["free_path"].exceeded(np.array(given.free_path / states.length)):
+        yield _finding("free_path", {"path": f"{given.free_path:.2g}", "length": f"{states.length:.2g}"})
     ratios = states.central[np.isfinite(states.central)]
     if given.patch and ratios.size and (median := np.median(ratios)) < LIMITS["rim"].value:
         cases = f", median of {ratios.size} cases" if ratios.size > 1 else ""

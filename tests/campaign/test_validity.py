@@ -279,6 +279,20 @@ def test_a_pressure_drop_is_said_to_be_computed_where_it_can_be(material: str, f
     assert found["pressure_drop"].sentence.endswith(f"widen the gap; {remedy}")
 
 
+@pytest.mark.parametrize(
+    ("inlet", "law", "named"),  # L is 0.5 mm, the mean free path at half of the inlet 0.39 m over its pressure in ubar
+    [("1 mbar", "kinetic", False), ("0.7 mbar", "kinetic", True), ("0.7 mbar", "slip", False)],
+)
+def test_a_free_path_longer_than_the_surface_is_named(inlet: str, law: str, named: bool) -> None:
+    gas = GAS.format(inlet, "0 bar").replace("0 bar}", f"0 bar, law: {law}}}")
+    text = f"{RUBBER}sweep: {{steps: 2, to: {{pressure: 0.19 MPa}}}}\n{gas}\n"
+    given, results = validity.setting(loads(text)), _computed(text).assign_attrs(length_unit="um")
+    after = {found.key for found in validity.after(given, results)}
+    assert ("free_path" in _before(text), "free_path" in after) == (named, named)
+    kept = {limit.key for limit in validity.kept(given, results)}
+    assert ("free_path" in kept) is (law == "kinetic" and not named)
+
+
 def test_metal_beyond_the_reach_of_perfect_plasticity_is_named() -> None:
     metal = "surface: {D: 2.3, m: 4, seeds: 1, L: 50 um, Sq: 0.5 um}\nmaterial: {E_star: 78 GPa, hardness: 1 GPa}\n"
     for share, named in ((0.25, False), (0.3, False), (0.31, True), (0.9, True)):
