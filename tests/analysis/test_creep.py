@@ -18,6 +18,7 @@ from roughvol.analysis.leak_card import Closing, Part, Way
 from roughvol.campaign import card as card_runs
 from roughvol.campaign import execution
 from roughvol.errors import StudyError
+from roughvol.report.figures.creep import drawing_of
 from roughvol.store.dataset import Dataset
 from roughvol.study import Creep, load_creep, loads, read_times
 from tests.kit import LEAKING, answered, ran, refused, said
@@ -178,6 +179,21 @@ def test_the_command_writes_a_table_and_a_figure(run: Dataset, folder: Path, tmp
     assert "the sweep ends at" in refused(*_asked(folder, tmp_path, at="pressure=1 MPa"))
     without = refused("creep", folder, "--law", tmp_path / "creep.yaml", "--times", "1 s")
     assert "needs its constant load, as --at pressure=0.1MPa" in without
+
+
+def test_the_band_is_the_range_of_several_surfaces_and_the_error_of_one(run: Dataset, tmp_path: Path) -> None:
+    law = _law(PRONY, tmp_path)
+    for ds, ends, words in (
+        (run, ("least", "most"), "16 to 84 %"),
+        (run.isel(seed=[0]), ("low", "high"), "error of the"),
+    ):
+        over_time = creep.history(ds, law, 0.01, [1.0, 60.0, 3600.0])
+        (ax,) = drawing_of(over_time, ds).axes
+        for leak, band in zip(over_time.leak.values(), ax.collections, strict=True):
+            drawn = {float(y) for _, y in band.get_paths()[0].vertices}
+            assert {*getattr(leak, ends[0]).tolist(), *getattr(leak, ends[1]).tolist()} <= drawn
+            assert (leak.low < leak.value).all()
+        assert words in ax.get_legend().get_title().get_text()
 
 
 def test_json_has_units_intervals_and_counts(run: Dataset, folder: Path, tmp_path: Path) -> None:

@@ -13,20 +13,22 @@ from roughvol.report.figures.ways import band_words
 
 
 def drawing_of(over_time: History, run: Dataset) -> Drawing:
-    """Return the leak along both axes over time."""
+    """Return the leak along both axes over time: of several surfaces their range, of one surface the error."""
     leaks = over_time.leak.values()
     several = next(iter(leaks)).surfaces
     of_seal, number = ("the seal, ", run.sizes.get("seed", 1)) if over_time.seal else ("", several)
-    shown = np.concatenate([np.concatenate([leak.value, leak.least]) for leak in leaks])
+    bands = {
+        axis: (leak.least, leak.most) if several > 1 else (leak.low, leak.high) for axis, leak in over_time.leak.items()
+    }
+    shown = np.concatenate([*(leak.value for leak in leaks), *(least for least, _ in bands.values())])
     floor = float(shown[shown > 0.0].min(initial=np.inf))
     with mpl.rc_context(STYLE):
         fig, ax = axes(COLUMN, 2.8)
         for (axis, leak), look, dash in zip(over_time.leak.items(), looks(len(leaks)), DASHES, strict=False):
             median = np.where(leak.value > 0.0, leak.value, np.nan)
             ax.plot(over_time.seconds, median, ls=dash, color=look["color"], label=f"{of_seal}along ${axis}$")
-            if several > 1:
-                least, most = np.maximum(leak.least, floor), np.maximum(leak.most, floor)
-                ax.fill_between(over_time.seconds, least, most, color=look["color"], alpha=0.18, lw=0)
+            least, most = (np.maximum(ends, floor) for ends in bands[axis])
+            ax.fill_between(over_time.seconds, least, most, color=look["color"], alpha=0.18, lw=0)
             closed = np.flatnonzero(leak.open == 0)
             if closed.size:
                 first = float(over_time.seconds[closed[0]])
@@ -34,7 +36,8 @@ def drawing_of(over_time: History, run: Dataset) -> Drawing:
         ax.set(xscale="log", yscale="log", xlabel="time under load [s]")
         ax.set_ylabel(f"leak [{unit_text(over_time.leak_unit)}]")
         load = f"at {over_time.pressure:.4g} {unit_text(over_time.pressure_unit)}"
-        legend(ax, "; ".join(filter(None, [load, band_words([several])])))
+        errors = "errors of leak cards" if over_time.has_errors else "error of the reading"
+        legend(ax, f"{load}; {band_words([several]) or f'band: {errors}'}")
         source = f"{origin(run, {'surfaces': [number]})}."
         fig.note(" ".join(filter(None, [source, over_time.seal, *written(run), *fluid_note(run)])))
     return fig
