@@ -136,7 +136,7 @@ def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float])
     """
     run = checked(run)
     if "plastic_volume" in run:
-        raise refused("the surface yields: the theory of Lee and Radok holds for elastic contact alone, without a hardness")
+        raise refused("the surface yields: the theory of Lee and Radok holds without a hardness alone")
     if "contact_area_fraction" not in run:
         raise refused("contact_area_fraction is not in the dataset: it shows whether the theory of Lee and Radok holds")
     pressed = [surface for _, surface in surfaces(run)]
