@@ -225,7 +225,7 @@ class Accessor:
         Raises
         ------
         DatasetError
-            If the dataset has no such dimension.
+            If the dataset has no such dimension, or it is that of the ends of an interval.
 
         See Also
         --------
@@ -240,8 +240,9 @@ class Accessor:
         (('D', 'm', 'step'), [3, 3])
         """
         check_type(over, str, "a dimension is text")
-        if over not in self._ds.dims:
-            raise DatasetError(f"no dimension {over!r}; allowed: {', '.join(map(str, self._ds.dims))}")
+        allowed = [str(dim) for dim in self._ds.dims if dim != average.END]
+        if over not in allowed:
+            raise DatasetError(f"no dimension {over!r}; allowed: {', '.join(allowed)}")
         return average.averages(self._ds, over)
 
     def _by_part(self, function: Callable[[Dataset], Dataset]) -> Dataset:
@@ -261,7 +262,7 @@ def _level(state: Load, kind: dict[str, Number], leg: int | None) -> Level:
     if bool(state) + len(kind) != 1:
         raise DatasetError('at takes one level; as at("last"), at(contact_area=0.1) or at(pressure="0.5 MPa")')
     found = level(state or kind)
-    return found if leg is None else replace(found, leg=leg)
+    return found if leg is None else replace(found, leg=level(f"last, leg {leg}").leg)
 
 
 def _labelled(state: states.State) -> Dataset:

@@ -351,7 +351,9 @@ def _path(
         return np.log(np.where(values > 0.0, values, np.nan)), math.log(value), REACHED
     assert level.value is not None
     kind, value = _starred(scale, level)
-    values = part.variables[STARRED[kind].stored].transpose("seed", "step").values[k]
+    if (stored := STARRED[kind].stored) not in part:
+        raise DatasetError(f"{run.name} has no {stored}; allowed: all variables of a run")
+    values = part.variables[stored].transpose("seed", "step").values[k]
     reach += (values[np.isfinite(values)] * (float(level.value) / value if value else 1.0)).tolist()
     return values, value, slack(kind, value)
 

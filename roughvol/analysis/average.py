@@ -20,6 +20,8 @@ from roughvol.observables.variables import row_of
 from roughvol.typing import Array
 
 RANGE = (0.16, 0.84)
+END = "bound"
+"""The dimension of the ends of a range and of an interval."""
 BOUNDS = ("lower", "upper")
 IN_WORDS = "median and 16-84 % range over the surfaces, closed surfaces counted as 0"
 
@@ -71,12 +73,15 @@ def average(name: str, values: ArrayLike) -> Average:
 
 
 def averages(surfaces: Dataset, over: str = "seed") -> Dataset:
-    """Return each variable without a dimension, beside ``<name>_range`` along ``bound`` and ``<name>_count``."""
+    """Return each variable without a dimension, beside ``<name>_range`` along ``bound`` and ``<name>_count``.
+
+    An interval has no average: variables along ``bound`` are left out.
+    """
     found: dict[str, DataArray] = {}
-    surfaces = surfaces.drop_vars("bound", errors="ignore")  # of an ensemble, one end may be chosen
+    surfaces = surfaces.drop_vars(END, errors="ignore")  # of an ensemble, one end may be chosen
     for key, variable in surfaces.data_vars.items():
         name = str(key)
-        if over not in variable.dims or variable.dtype.kind not in "fib":
+        if over not in variable.dims or END in variable.dims or variable.dtype.kind not in "fib":
             continue
         values = variable.transpose(over, ...)
         numbers = np.apply_along_axis(partial(_numbers, name), 0, values.values.astype(float))
@@ -84,7 +89,7 @@ def averages(surfaces: Dataset, over: str = "seed") -> Dataset:
         words = f"{'median' if is_flow(name) else 'mean'} over surfaces of {attrs.get('long_name', name)}"
         found[name] = DataArray(numbers[0], dims=dims, attrs=attrs | {"long_name": words})
         ends = attrs | {"long_name": f"16 and 84 % over surfaces of {attrs.get('long_name', name)}"}
-        found[f"{name}_range"] = DataArray(numbers[1:3], {"bound": list(BOUNDS)}, ("bound", *dims), attrs=ends)
+        found[f"{name}_range"] = DataArray(numbers[1:3], {END: list(BOUNDS)}, (END, *dims), attrs=ends)
         found[f"{name}_count"] = DataArray(numbers[3].astype(int), dims=dims, attrs={"units": "1"})
     kept = {name: coord for name, coord in surfaces.coords.items() if over not in coord.dims}
     return Dataset(found, coords=kept, attrs=surfaces.attrs)

@@ -48,6 +48,15 @@ def test_the_mean_and_its_count_leave_out_missing_surfaces(swept: Dataset) -> No
     assert of_bound["separation_range"].identical(means["separation_range"])
 
 
+def test_an_interval_has_no_average(swept: Dataset) -> None:
+    """The range of a mean over seeds, averaged over m, had the dimension bound twice."""
+    of_seeds = swept.isel(E=0).roughvol.mean("seed")
+    found = of_seeds.roughvol.mean("m")
+    assert np.allclose(found["free_volume"], of_seeds["free_volume"].mean("m"))
+    assert found["free_volume_range"].dims == ("bound", "D", "step")
+    assert "free_volume_range_range" not in found
+
+
 def test_derived_numbers_have_units_and_are_converted(swept: Dataset) -> None:
     whole = swept.roughvol.derived()
     kilo = whole.roughvol.in_units(nominal_pressure="kPa", mean_gap="nm")
@@ -73,7 +82,10 @@ def test_the_last_state_of_a_pressed_map_is_its_last_step() -> None:
         (lambda ds: ds.roughvol.at(), "at takes one level"),
         (lambda ds: ds.roughvol.at(pressure=1, separation=1), "at takes one level"),
         (lambda ds: ds.roughvol.at("last", leg=2), "no leg 2; allowed: 1"),
+        (lambda ds: ds.roughvol.at("last", leg=1.0), "then a leg of a path"),
+        (lambda ds: ds.drop_vars("separation").roughvol.at(separation=0.5), "has no separation; allowed: all var"),
         (lambda ds: ds.roughvol.mean("time"), "no dimension 'time'; allowed: "),
+        (lambda ds: ds.roughvol.mean().roughvol.mean("bound"), "no dimension 'bound'; allowed: "),
         (lambda ds: ds.roughvol.in_units(mean_gap="um"), "no variable 'mean_gap'"),
         (lambda ds: ds.roughvol.derived().roughvol.in_units(mean_gap="MPa"), "not converted to 'MPa'"),
     ],
