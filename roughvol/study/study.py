@@ -20,7 +20,7 @@ from roughvol.study.former import renamed
 from roughvol.study.plain_data import KeyPath, Places, given, key_path, key_text, put, write
 from roughvol.study.python_data import plain
 from roughvol.study.rules import RULES
-from roughvol.study.sections.agreement import resolve
+from roughvol.study.sections.agreement import SAME, resolve
 from roughvol.study.sections.ensemble import levels_below
 from roughvol.study.sections.fluid import Gas
 from roughvol.study.sections.height_file import HeightFile
@@ -144,7 +144,7 @@ class Study(StudyFile):
         return tuple(made.of_seed(D, m, seed) for D, m, seed in product)
 
     def _cases_of_files(self, case: Callable[..., Case], surface: HeightFile) -> tuple[Case, ...]:
-        """Return the cases of height files, from the case without its surface."""
+        """Return the cases of height files, from the case without its surface; all have the L of the first."""
         found: list[Case] = []
         for scan in surface.each:
             with self.placing():
@@ -152,12 +152,13 @@ class Study(StudyFile):
                 unit = measured.length_unit
                 if unit is None:
                     _need_length(self.sweep, self.record, str(scan.file))
-                if found and (found[0].length_unit, found[0].L) != (unit, measured.L):
-                    first = f"{found[0].L:.9g} {found[0].length_unit or ''}".strip()
+                L = found[0].L if found else measured.L
+                if found and (found[0].length_unit != unit or abs(L - measured.L) > SAME * L):
+                    first = f"{L:.9g} {found[0].length_unit or ''}".strip()
                     own = f"{measured.L:.9g} {unit or ''}".strip()
                     message = f"the files differ in L: {found[0].label} has {first}, {Path(scan.file).name} has {own}"
                     raise StudyError([Problem(message, "surface.files")])
-                found.append(case(kernel=self.kernel(unit), gas=self._gas(unit), **vars(measured)))
+                found.append(case(kernel=self.kernel(unit), gas=self._gas(unit), **{**vars(measured), "L": L}))
         return tuple(found)
 
     def kernel(self, unit: str | None = None) -> NamedKernel:
@@ -189,7 +190,8 @@ class Study(StudyFile):
         """Return this study with other keys, as ``**{"surface.m": 7}``, checked as a file; None is the default."""
         data, problems = given(self.model_dump(mode="json")), dict[KeyPath, str]()
         for key, value in keys.items():
-            path = key_path(key)
+            if not (path := key_path(key)):
+                raise StudyError([Problem("is no key of a study; allowed: a path, as surface.m", key)])
             try:
                 put(data, path, plain(value, problems, path))
             except ValueError as error:

@@ -115,3 +115,17 @@ def test_what_a_file_contradicts_is_placed_in_the_study(tmp_path: Path) -> None:
     (problem,) = caught.value.problems
     assert (problem.file, problem.line, problem.key) == (str(tmp_path / "study.yaml"), 4, "surface.L")
     assert loads(study, tmp_path / "study.yaml") == loads("\n" + study, tmp_path / "study.yaml")
+
+
+def test_files_of_one_length_but_for_rounding_are_cases_of_one_length(folder: Path) -> None:
+    for name, origin in (("near.xyz", 0.0), ("far.xyz", 17.3)):
+        points = np.column_stack([origin + 0.1 * X, 0.1 * Y, HEIGHTS.ravel()])
+        (folder / name).write_text("x [um] y [um] z [um]\n" + _rows(points), encoding="utf-8")
+    near, far = loads("surface: {files: [near.xyz, far.xyz]}", folder / "study.yaml").cases()
+    assert near.L == far.L == pytest.approx(0.4, rel=1e-12)
+    alone = _case(folder, "file: far.xyz")
+    assert alone.L != far.L
+    np.testing.assert_array_equal(*(case_surface.surface_of(case).heights for case in (far, alone)))
+    (folder / "wide.xyz").write_text("x [um] y [um] z [um]\n" + _rows(points * [1.002, 1.002, 1.0]), encoding="utf-8")
+    with pytest.raises(StudyError, match=r"the files differ in L: near\.xyz has 0\.4 um, wide\.xyz has 0\.4008 um"):
+        loads("surface: {files: [near.xyz, wide.xyz]}", folder / "study.yaml").cases()

@@ -52,6 +52,8 @@ def test_keys_change_a_study_as_they_change_a_file(keys: dict[str, Any], changes
         ({"surfaces.m": 4}, "surfaces", "unknown key; did you mean 'surface'?"),
         ({"sweep.steps": 0}, "record.fields_at", "no contact to record: sweep.steps is 0"),
         ({"surface.seeds[7]": 0}, "surface.seeds[7]", "surface.seeds has 2 items in the study"),
+        ({"surface..m": 5}, "surface..m", "is no key of a study; allowed: a path, as surface.m"),
+        ({"": 5}, "", "is no key of a study; allowed: a path, as surface.m"),
         ({"surface.file": "none.npy", "surface.D": None, "surface.m": None}, "surface.file", "no such file"),
         ({"material.E_star": object()}, "material.E_star", "must be text, a number, a path, a list or a mapping"),
     ],

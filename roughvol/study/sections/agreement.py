@@ -22,7 +22,7 @@ from roughvol.surfaces.length_units import METRES, factor
 if TYPE_CHECKING:
     from roughvol.surfaces.files.description import Description
 
-SAME = 1e-3  # allowed relative difference between lengths of study and file
+SAME = 1e-3  # allowed relative difference between lengths of study and file, and of several files
 LONGEST, FINEST = 0.1, 1e-11  # m; largest width and smallest spacing of a roughness scan
 
 
