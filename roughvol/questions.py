@@ -417,16 +417,17 @@ class Cards:
         from roughvol.analysis.leak_budget import card_of, is_reached
         from roughvol.report.card_page import Page
         from roughvol.report.card_text import Identity
-        from roughvol.store.run_folder import slug
+        from roughvol.store.run_folder import slug, slugs
 
         pages, changed = [], [word for change in self.changes for word in ("--set", change)]
         for ((load, words), runs), whole in zip(self.runs.items(), self.cards.values(), strict=True):
             origin = Identity(self.study, shlex.join(["roughvol", "card", self.asked, "--at", load, *changed]))
-            several = len(runs) > 1
+            several, names = len(runs) > 1, slugs(runs)
             single = {name: card_of([one], "", load) for name, one in runs.items() if several and is_reached(one.fine)}
             for name, shown in ({"": whole} | single).items():
                 title = ", ".join(filter(None, (self.study.name, *self.varied, words, name)))
-                stem = "_".join(filter(None, map(slug, ("card", load, *self.varied, words, name))))
+                before = map(slug, ("card", load, *self.varied, words))
+                stem = "_".join(filter(None, (*before, names.get(name, ""))))
                 fields = tuple(one.fine.dataset for key, one in runs.items() if name in ("", key))
                 pages.append(Page(replace(shown, title=title), fields, origin, stem))
         return pages
@@ -500,7 +501,7 @@ def card(
     from roughvol.campaign import card as computed
     from roughvol.campaign import interpretation
     from roughvol.store import folder_of
-    from roughvol.store.run_folder import slug
+    from roughvol.store.run_folder import slug, slugs
     from roughvol.study import changes_of, levels
 
     done: list[int] = []  # numbers of cases computed now
@@ -511,6 +512,7 @@ def card(
     loads = levels(at)
     for level, variant in itertools.product(loads, asked.variants):
         surfaces = computed.surfaces_of(variant.study)
+        names = slugs(surfaces)
         accept = check_reached if len(surfaces) == 1 else lambda fine: None
         inside = folder.joinpath("runs", *map(slug, (*cards.varied, variant.words)))
         together = computed.loads_together(level, loads)
@@ -518,7 +520,7 @@ def card(
         options["fresh"] = fresh and level == together[0]  # the runs of the others are the same
         options["on_event"] = lambda now: done.append(now.done)
         found[level.label, variant.words] = {
-            name: computed.compute(one, level, inside / slug(name), **options) for name, one in surfaces.items()
+            name: computed.compute(one, level, inside / names[name], **options) for name, one in surfaces.items()
         }
     return replace(cards, notice=interpretation.default_sides(asked) if any(done) else "")
 

@@ -244,6 +244,17 @@ def test_several_maps_have_a_card_each_one_together_and_a_table() -> None:
     assert table.count("<tr>") == 4
 
 
+def test_maps_whose_names_differ_in_a_blank_or_an_umlaut_have_a_card_each() -> None:
+    _maps(0.3, 0.6, 0.5, 0.4)
+    files = ["face 1.txt", "face_1.txt", "ä.txt", "ö.txt"]
+    for k, name in enumerate(files):
+        Path(f"face{k}.txt").rename(name)
+    surface = f"{{files: {files}, L: 100 um, sides: periodic}}"
+    found = roughvol.card(loads(PRESSED.replace(GENERATED, surface).replace("steps: 4", "steps: 2")), jobs=1)
+    assert len({path.name for path in found.write()}) == len(files) + 2  # of all, and a table
+    assert [runs.fine.dataset["case"].item() for runs in next(iter(found.runs.values())).values()] == files
+
+
 def test_a_list_of_materials_has_a_card_each_and_a_table() -> None:
     study = _study(PRESSED.replace("E_star: 10 MPa", "E_star: [5 MPa, 10 MPa]"))
     printed = _printed(study, *AT)

@@ -18,6 +18,7 @@ import hashlib
 import json
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,7 +27,7 @@ from roughvol.errors import DatasetError, FolderError
 from roughvol.store import stamped_file
 from roughvol.study import Case, Study, check_type
 
-LONGEST = 150  # characters of a part of a file name
+LONGEST = 150  # bytes of a part of a file name
 
 MAX_BYTES = 1 << 20  # of the small text files read here
 QUICK_BYTES = 1 << 20  # size up to which `status` verifies a case file as well
@@ -56,12 +57,22 @@ def folder_of(study: Study, out: str | Path | None = None) -> Path:
 def slug(text: str) -> str:
     """Return a text as part of a file name: letters, digits and ``=+-.`` as they are, runs of all others as ``_``.
 
-    A text of more than `LONGEST` characters ends with a hash.
+    A text of more than `LONGEST` bytes ends with a hash.
     """
-    name = re.sub(r"[^A-Za-z0-9=+.-]+", "_", text.replace(" = ", "=")).strip("_")
-    if len(name) <= LONGEST:
-        return name
-    return f"{name[: LONGEST - 9]}_{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+    name = re.sub(r"(?:_|[^\w=+.-])+", "_", text.replace(" = ", "=")).strip("_")
+    return name if len(name.encode()) <= LONGEST else _with_hash(name, name)
+
+
+def slugs(texts: Iterable[str]) -> dict[str, str]:
+    """Return the `slug` of each text; where several texts have the same, with a hash of the text."""
+    names = {text: slug(text) for text in texts}
+    often = Counter(names.values())
+    return {text: name if often[name] == 1 else _with_hash(name, text) for text, name in names.items()}
+
+
+def _with_hash(name: str, text: str) -> str:
+    begin = name.encode()[: LONGEST - 9].decode(errors="ignore")
+    return f"{begin}_{hashlib.sha256(text.encode()).hexdigest()[:8]}"
 
 
 def case_file(folder: Path, id: str) -> Path:

@@ -249,6 +249,17 @@ def test_a_part_of_a_file_name_has_a_limit(text: str) -> None:
     assert run_folder.slug("E = 5 MPa, m = 3") == "E=5_MPa_m=3"
 
 
+def test_letters_of_all_alphabets_stay_in_a_part_of_a_file_name() -> None:
+    assert run_folder.slug("Fläche 1.npy") == "Fläche_1.npy"
+    assert len(run_folder.slug("ä" * 150).encode()) <= run_folder.LONGEST
+
+
+def test_several_texts_have_several_parts_of_file_names() -> None:
+    names = run_folder.slugs(["a b.npy", "a_b.npy", "c d.npy", "(.npy", ").npy"])
+    assert len(set(names.values())) == len(names)
+    assert names["c d.npy"] == "c_d.npy"
+
+
 def test_a_moved_run_of_height_files_opens_in_parts(many: Path, of_lists: Path) -> None:
     part = roughvol.open("many", changes=CHANGES)
     moved = many.rename("moved")
