@@ -62,12 +62,14 @@ def opened(run: Dataset | StoredRun | str | Path | None, changes: Changes = ()) 
 
     if run is None or isinstance(run, str | Path):
         return StoredRun.open(run, changes_of(changes))
+    from roughvol.store.dataset import Dataset
+
+    check_type(run, (Dataset, StoredRun), "a run is a name, a path or a dataset")
+    if changes_of(changes):
+        raise DatasetError("changes are of a run by name or path; allowed for a dataset: labels, as ds.sel(E=5.0)")
     if isinstance(run, StoredRun):
         return run
     from roughvol.analysis.stored_run import Run
-    from roughvol.store.dataset import Dataset
-
-    check_type(run, Dataset, "a run is a name, a path or a dataset")
     from roughvol.report.figures import origin
 
     name = origin.run_name(run) or "dataset"

@@ -129,6 +129,10 @@ WRONG: list[tuple[Callable[[Any], Any], Any, str]] = [
     (lambda out: roughvol.card(TINY, out=out), 3, "the folder of the results is a path, given a value of the type int"),
     (lambda only: roughvol.run(TINY, only=only), "id", "only is a list of ids of cases, given a value of the type str"),
     (lambda only: roughvol.run(TINY, only=only), [3], "only: 3 names no case of this study"),
+    (lambda changes: roughvol.show(pressed(), changes=changes), "surface.m=6", "changes are of a run by name or path;"),
+    (lambda changes: roughvol.plot(pressed(), changes=changes), {"material.E": 5}, "changes are of a run by name"),
+    (lambda load: roughvol.show(pressed(), load), {"pressure": []}, "pressure has no value; allowed: a value or a"),
+    (load_creep, "law\0.yaml", r"law\\x00\.yaml: cannot read the creep law: embedded null byte"),
     (lambda changes: roughvol.check(TINY, changes=changes), 3, "changes are a mapping, .* the type int"),
 ]
 

@@ -31,7 +31,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from roughvol.errors import Problem, StudyError
-from roughvol.study.plain_data import Arguments, KeyPath, Reading, UnreadableError, key_text, write
+from roughvol.study.plain_data import Arguments, KeyPath, Reading, UnreadableError, key_text, printable, write
 from roughvol.study.python_data import check_type, plain, refused, text_of_value
 from roughvol.study.sections.material import ContactModulus, YoungPoisson
 from roughvol.study.sections.strict import Strict, names, optional
@@ -211,13 +211,13 @@ def load_creep(given: str | Path | Mapping[str, Any]) -> Creep:
     try:
         text = write(plain(given, problems)) if isinstance(given, Mapping) else Path(given).read_text(encoding="utf-8")
         law = Creep.model_validate(reading.read(text))
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise StudyError([Problem(f"cannot read the creep law: {reason}", file=file)]) from error
     except UnreadableError as error:
         raise StudyError([Problem(str(error), line=error.line, file=file)]) from error
     except ValidationError as error:
         problems = {item["loc"]: _message(item) for item in error.errors(include_url=False)} | problems
+    except (OSError, ValueError) as error:  # ValueError: no text in UTF-8, or a path with a null character
+        reason = getattr(error, "strerror", None) or error
+        raise StudyError([Problem(f"cannot read the creep law: {reason}", file=printable(file))]) from error
     if problems := problems | reading.problems:
         places = reading.places(file, arguments)
         raise StudyError([places.of(Problem(text, key_text(key))) for key, text in problems.items()])

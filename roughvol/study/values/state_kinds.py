@@ -236,6 +236,8 @@ def _texts(load: Mapping[str, object]) -> list[str]:
             f"a load has one kind, given {', '.join(map(str, kinds)) or 'none'}; as {{'pressure': '0.5 MPa'}}"
         )
     values = text_of_value(load[kinds[0]], kinds[0])
+    if values == []:
+        raise DatasetError(f"{kinds[0]} has no value; allowed: a value or a list, as {{'pressure': ['0.1 MPa']}}")
     leg = "" if load.get("leg") is None else f", leg {load['leg']}"
     return [f"{kinds[0]}={value}{leg}" for value in (values if isinstance(values, list) else [values])]
 
