@@ -26,16 +26,21 @@ SHARES = (0.25, 0.5, 0.75, 1.0)  # of the largest pressure that both have
 
 @dataclass(frozen=True)
 class Comparison:
-    """Quantities of two runs of the same surfaces at equal pressures: elastic contact, and contact that yields."""
+    """Quantities of two runs of the same surfaces at equal pressures: elastic contact, and contact that yields.
+
+    ``surfaces`` are the largest D and m of runs of several, in words.
+    """
 
     elastic: str
     plastic: str
+    surfaces: str
     rows: tuple[tuple[str, ...], ...]
 
     @property
     def title(self) -> str:
         """Title of its section."""
-        return f"With yield ({self.plastic}) and without ({self.elastic})"
+        title = f"With yield ({self.plastic}) and without ({self.elastic})"
+        return ", ".join(filter(None, (title, self.surfaces)))
 
 
 NOTE = (
@@ -72,8 +77,10 @@ def comparisons(runs: Sequence[Run]) -> Iterator[Comparison]:
     pressed = [run for run in runs if P in run.dataset and "D" in run.dataset.dims]
     for plastic in (run for run in pressed if "plastic_volume" in run.dataset):
         for elastic in (run for run in pressed if "plastic_volume" not in run.dataset):
-            if _same_surfaces(elastic, plastic) and (rows := tuple(_rows(elastic, plastic))):
-                yield Comparison(elastic.name, plastic.name, rows)
+            D, m = max(elastic.D), max(elastic.m)
+            if _same_surfaces(elastic, plastic) and (rows := tuple(_rows(elastic, plastic, D, m))):
+                several = len(elastic.D) * len(elastic.m) > 1
+                yield Comparison(elastic.name, plastic.name, f"D = {D:g}, m = {m}" if several else "", rows)
 
 
 def _same_surfaces(one: Run, other: Run) -> bool:
@@ -90,8 +97,7 @@ def _same_surfaces(one: Run, other: Run) -> bool:
     return bool(np.isclose(heights[0], heights[1], rtol=1e-9))
 
 
-def _rows(elastic: Run, plastic: Run) -> Iterator[tuple[str, ...]]:
-    D, m = max(elastic.D), max(elastic.m)
+def _rows(elastic: Run, plastic: Run, D: float, m: int) -> Iterator[tuple[str, ...]]:
     groups = [_with_flow(derived(run.dataset, run.study).sel(D=D, m=m)) for run in (elastic, plastic)]
     hard, soft = (_leg(group, 1) for group in groups)
     top = _top((hard, soft))

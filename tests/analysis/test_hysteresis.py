@@ -75,3 +75,13 @@ def test_two_runs_are_compared_by_the_leak_of_their_states(tmp_path: Path) -> No
             at = run.dataset.roughvol.at(f"p={p}")
             flow = (at.transmissivity * at.free_volume**3).sel(axis="y")
             assert (float(leak) == 0.0) == (float(flow.median()) == 0.0), (run.name, p)
+
+
+def test_a_comparison_of_several_surfaces_names_those_that_it_has(tmp_path: Path) -> None:
+    several = ("D: 2.2", "D: [2.2, 2.4]")
+    elastic, metal = _made("elastic", tmp_path, several), _made("metal", tmp_path, several, HARD)
+    (compared,) = comparisons([elastic, metal])
+    assert compared.title == "With yield (metal) and without (elastic), D = 2.4, m = 3"
+    of_one = [Run.of(run.name, run.dataset.sel(D=[2.4])) for run in (elastic, metal)]
+    (alone,) = comparisons(of_one)
+    assert (alone.rows, alone.title) == (compared.rows, "With yield (metal) and without (elastic)")
