@@ -5,8 +5,8 @@ The directions are never averaged with each other.
 
 One surface is drawn through its computed states, with a marker at each. Several surfaces are a median and a band over
 surfaces, without markers. A direction that is sealed ends at a cross (along x) or a plus (along y) on the lower edge:
-at the first state computed closed, or where the median is. The dotted line to it begins at the last open
-state, and the closing load lies between the two.
+at the solved closing load of the study, else at the first state computed closed, or where the median is. The dotted
+line to it begins at the last open state. The closing load lies between both, or is the end of the line.
 """
 
 from __future__ import annotations
@@ -98,8 +98,8 @@ def seal_volume(ds: Dataset) -> Drawing:
 def seal_percolation(ds: Dataset) -> Drawing:
     """Which directions are open from side to side: of one surface 1 or 0 at its states, of several the share.
 
-    A step falls at the first state computed closed: the closing load lies between that state and the one before. Over
-    p* it falls at the solved closing load, if the study has it. The band is the binomial standard error.
+    A step falls at the solved closing load, if the study has it. Else it falls at the first state computed closed: the
+    closing load lies between that state and the one before. The band is the binomial standard error.
     """
     fig, axes, some, title = _panels(ds, 0, P, "percolates")
     many = any(family.surfaces > 1 for family in some)
@@ -121,8 +121,8 @@ def seal_percolation(ds: Dataset) -> Drawing:
                 ax.fill_between(at, share - error, share + error, step="post", **band)
     for ax in axes.ravel():
         ax.set_ylim(-0.05, 1.05)
-    solved = " or, over p*, at the solved closing load" if SOLVED in ds else ""
-    words = f"a step falls at the first state computed closed{solved}" + ("; band ± 1 std. error" if many else "")
+    end = "solved closing load" if SOLVED in ds and not leak.is_lifted(ds) else "first state computed closed"
+    words = f"a step falls at the {end}" + ("; band ± 1 std. error" if many else "")
     ways.direction_legend(fig, some, [title, words])
     return fig
 
