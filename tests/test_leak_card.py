@@ -14,7 +14,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import roughvol
-from roughvol.analysis.leak_card import Part
+from roughvol.analysis.average import average
+from roughvol.analysis.leak_card import Closing, Part, Way
 from roughvol.analysis.tables import number
 from roughvol.campaign import card as card_runs
 from roughvol.campaign.case_surface import surface_of
@@ -295,6 +296,13 @@ def test_a_variation_of_a_study_has_a_card_of_its_own() -> None:
     names = {path.name for path in Path("runs/seal_card").glob("*.*")}
     assert names == {f"{stem}.html", f"{stem}.pdf"}
     assert "seal, material.E_star=20 MPa" in Path("runs/seal_card", f"{stem}.html").read_text()
+
+
+@pytest.mark.parametrize(("most", "words"), [(np.nan, "leak: 0 mm³/s"), (2.0, "leak: 0 mm³/s, between 0 and 2")])
+def test_a_closed_way_has_an_interval_where_its_largest_leak_is_known(most: float, words: str) -> None:
+    parts = (Part("grid", 2.0, ""),)  # of its closing load
+    way = Way("x", average("leak_rate", 0.0), 0, "mm^3/s", Closing((), "MPa"), (), "", parts, at_most=most)
+    assert card_text.details(way) == [words]
 
 
 def test_the_quadrants_of_a_closed_map_have_no_scatter() -> None:

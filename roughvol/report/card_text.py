@@ -155,7 +155,8 @@ def details(way: Way) -> list[str]:
     found = way.leak
     if not math.isfinite(found.value):
         return []
-    ends = f", between {short(way.interval[0])} and {short(way.interval[1])}" if math.isfinite(way.factor) else ""
+    low, high = way.interval
+    ends = f", between {short(low)} and {short(high)}" if math.isfinite(low) and math.isfinite(high) else ""
     unit = f" {unit_text(way.unit)}" if way.unit else ""
     words = f"leak: {short(found.value)}{unit or ', T* V*³'}{ends}"
     if found.surfaces > 1 and way.open:
