@@ -17,12 +17,15 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from roughvol.errors import meant, nearest_word, question
-from roughvol.study.plain_data import KeyPath, key_text, number_text, show
+from roughvol.study.plain_data import KeyPath, inline, key_text, number_text, show
+from roughvol.study.python_data import plain
 from roughvol.study.sections.height_file import ABSENT, is_absent
 from roughvol.study.sections.strict import models_in, names
 from roughvol.study.values.state_kinds import LISTS, stored_name
+from roughvol.study.values.types import REFUSED
 
 RULE = "rule"  # type of the error of a broken rule
+LONGEST = 60  # letters of a mapping or a list in a message
 ANY_SURFACE = {"D": 2.5, "m": 2}  # in place of a faulty one
 MOST_REPAIRS = 20
 
@@ -106,7 +109,7 @@ def plain_path(place: Sequence[int | str], data: Any, *, missing: bool = False) 
 
 def details_of(item: Any, where: tuple[int | str, ...]) -> InitErrorDetails:
     """Return an error of pydantic at another place."""
-    of_pydantic = item["type"] not in ("refused", RULE, "assertion_error", "value_error")
+    of_pydantic = item["type"] not in (REFUSED, RULE, "assertion_error", "value_error")
     kind = item["type"] if of_pydantic else PydanticCustomError(item["type"], "{reason}", {"reason": item["msg"]})
     return InitErrorDetails(type=kind, loc=where, input=item["input"], ctx=item.get("ctx", {}))
 
@@ -166,7 +169,17 @@ def in_words(item: Mapping[str, Any]) -> str:
     kind = item["type"]
     context = {k: number_text(v) if isinstance(v, int | float) else v for k, v in item.get("ctx", {}).items()}
     message = _PLAIN[kind].format(**context) if kind in _PLAIN else str(item["msg"])  # may hold braces
-    return message if kind == "missing" else f"{message}, given {show(item['input'])}"
+    given = item["input"]
+    if kind == "missing" or (kind == REFUSED and ", given " in message):
+        return message
+    return f"{message}, given {_contents(given) if kind == REFUSED else show(given)}"
+
+
+def _contents(value: Any) -> str:
+    """Return a value as in a study file; a long mapping or list, or one of records, by its kind alone."""
+    unknown: dict[KeyPath, str] = {}
+    text = inline(plain(value, unknown)) if value and isinstance(value, dict | list) else ""
+    return text if text and len(text) <= LONGEST and not unknown else show(value)
 
 
 def translated(error: ValidationError, data: Any, study: type[BaseModel]) -> Iterator[tuple[KeyPath, str]]:

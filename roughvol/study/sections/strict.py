@@ -9,14 +9,14 @@ from pydantic import BaseModel, ConfigDict, Field, RootModel, ValidationError, m
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from roughvol.study.plain_data import KeyPath
-from roughvol.study.values.types import refuse
+from roughvol.study.values.types import REFUSED, refuse
 
 T = TypeVar("T")
 
 
 def refuse_at(path: KeyPath, given: Any, message: str, **context: str) -> NoReturn:
     """Raise the error of a validator with this message at a key inside its own, with the value given there."""
-    details = InitErrorDetails(type=PydanticCustomError("refused", message, context), loc=path, input=given)
+    details = InitErrorDetails(type=PydanticCustomError(REFUSED, message, context), loc=path, input=given)
     raise ValidationError.from_exception_data("Study", [details])
 
 

@@ -11,10 +11,12 @@ from pydantic_core import PydanticCustomError, core_schema
 
 T = TypeVar("T")
 
+REFUSED = "refused"  # type of the error of a validator of a section
+
 
 def refuse(message: str, **context: str) -> NoReturn:
     """Raise the error of a validator with this message."""
-    raise PydanticCustomError("refused", message, context)
+    raise PydanticCustomError(REFUSED, message, context)
 
 
 def whole(value: Any) -> Any:
