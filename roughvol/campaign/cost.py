@@ -18,6 +18,7 @@ import numpy as np
 
 from roughvol.campaign import machine
 from roughvol.campaign.case_surface import surface_of
+from roughvol.campaign.machine import size
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.ensemble.cost import expected_seconds, observable_seconds
 from roughvol.errors import CampaignError, ResourceError
@@ -125,15 +126,15 @@ def check_fits(
         need, label = max((memory_of(case, nodes), case.label) for case, nodes, _ in computed)
         available, limit = machine.available_memory(), machine.address_space()
         if available is not None and need > max(available, SMALL):
-            problems.append(f"{label} needs about {_size(need)} of memory, {_size(available)} are available")
+            problems.append(f"{label} needs about {size(need)} of memory, {size(available)} are available")
         if limit is not None and (space := machine.needed_space(need - PROCESS_BYTES)) > limit:
-            message = f"not enough memory: {label} needs about {_size(space)} of address space, "
-            raise CampaignError(f"{message}the limit is {_size(limit)} (ulimit -v)")
+            message = f"not enough memory: {label} needs about {size(space)} of address space, "
+            raise CampaignError(f"{message}the limit is {size(limit)} (ulimit -v)")
     stored = computed + [(case, shape_of(case, shape), number) for case, number in _alike(cases)]
     disk = sum(number * disk_of(case, nodes) for case, nodes, number in stored)
     free = machine.free_disk(folder)
     if free is not None and disk > max(free, SMALL):
-        problems.append(f"the results need up to {_size(disk)} of disk, {_size(free)} are free at {folder}")
+        problems.append(f"the results need up to {size(disk)} of disk, {size(free)} are free at {folder}")
     if problems:
         raise ResourceError("this study does not fit: " + "; ".join(problems))
 
@@ -147,7 +148,7 @@ def limited(jobs: int, needs: Iterable[float], available: float | None) -> tuple
     if available is None or sum(largest) <= SPARED * available:
         return jobs, ""
     fitting = max(1, int(np.searchsorted(np.cumsum(largest), SPARED * available, side="right")))
-    text = f"a case needs about {largest[0] / 1e9:.2g} GB, {available / 1e9:.2g} GB are available"
+    text = f"a case needs about {size(largest[0])}, {size(available)} are available"
     if fitting == jobs:
         return fitting, f"{text}: it may fail"
     return fitting, f"{fitting} instead of {jobs} processes at once: {text}"
@@ -265,7 +266,3 @@ def _timed(shape: Shape, sides: Sides) -> float:
     half_space.displacement(pressure)  # plans
     # processor time: on a busy machine others take most of the time of a clock
     return min(timeit.repeat(lambda: half_space.displacement(pressure), timer=time.process_time, number=1, repeat=5))
-
-
-def _size(number: float) -> str:
-    return f"{number / 1e12:.3g} TB" if number >= 1e12 else f"{number / 1e9:.3g} GB"

@@ -52,9 +52,18 @@ def too_narrow() -> str:
     if limit is None or limit >= needed_space():
         return ""
     return (
-        f"not enough memory: the limit of address space is {limit / 1e9:.2g} GB (ulimit -v), "
-        f"and the libraries alone need about {needed_space() / 1e9:.2g} GB"
+        f"not enough memory: the limit of address space is {size(limit)} (ulimit -v), "
+        f"and the libraries alone need about {size(needed_space())}"
     )
+
+
+def size(number: float) -> str:
+    """Return bytes in B to TB, with three digits."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if number < 999.5:
+            return f"{number:.3g} {unit}"
+        number /= 1000.0
+    return f"{number:.3g} TB" if number < 999.5 else f"{number:.0f} TB"
 
 
 def with_causes(error: BaseException | None) -> list[BaseException]:
@@ -108,5 +117,6 @@ def _group_left() -> float | None:
     with contextlib.suppress(OSError, ValueError):  # no groups, or no limit ("max")
         group = Path("/proc/self/cgroup").read_text().strip().rsplit("::", 1)[-1].lstrip("/")
         folder = Path("/sys/fs/cgroup") / group
-        return float((folder / "memory.max").read_text()) - float((folder / "memory.current").read_text())
+        left = float((folder / "memory.max").read_text()) - float((folder / "memory.current").read_text())
+        return max(left, 0.0)  # a limit that was lowered lies below what is in use
     return None

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 import roughvol
+from roughvol.campaign.machine import size
 from roughvol.cli.options import JOBS, JSON, SET, STUDY, command, given, out
-from roughvol.cli.output import count, say, say_json, size, warn
+from roughvol.cli.output import count, say, say_json, warn
 from roughvol.study.values.durations import duration
 
 if TYPE_CHECKING:

@@ -7,8 +7,9 @@ from pathlib import Path
 import click
 
 import roughvol
+from roughvol.campaign.machine import size
 from roughvol.cli.options import JSON, command
-from roughvol.cli.output import say, say_json, size
+from roughvol.cli.output import say, say_json
 from roughvol.report import terminal
 from roughvol.study.values.durations import duration
 

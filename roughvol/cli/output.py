@@ -8,7 +8,6 @@ import csv
 import errno
 import io
 import json
-import math
 import os
 import stat
 import sys
@@ -162,9 +161,3 @@ def _plain(cell: Any) -> Any:
 def count(number: int, noun: str, plural: str = "") -> str:
     """Return a number with its noun: ``1 case``, ``2 cases``."""
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
-
-
-def size(number: float) -> str:
-    """Return bytes in B to TB."""
-    power = min(int(math.log10(max(number, 1.0)) / 3), 4)
-    return f"{number / 1000**power:.3g} {('B', 'kB', 'MB', 'GB', 'TB')[power]}"

@@ -320,3 +320,19 @@ def test_a_name_too_long_is_refused_in_one_line(study: str, tmp_path: Path, monk
     assert (
         refused("run", study, "--out", folder).splitlines()[-1] == f"error: cannot write {folder}: File name too long"
     )
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [
+        (0, "0 B"),
+        (999, "999 B"),
+        (999_600, "1 MB"),
+        (4.5e8, "450 MB"),
+        (1.28e11, "128 GB"),
+        (999.6e9, "1 TB"),
+        (12345e12, "12345 TB"),
+    ],
+)
+def test_bytes_have_three_digits_and_no_power_of_ten(number: float, text: str) -> None:
+    assert machine.size(number) == text
