@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-import operator
 from collections.abc import Callable
 
 import numpy as np
 
 from roughvol.errors import SurfaceError
-from roughvol.surfaces.surface import Surface, positive, real
+from roughvol.surfaces.surface import Surface, positive, real, whole
 from roughvol.typing import Array, Index
 
 LARGEST_M = 14  # 2 GiB of heights; the contact problem ends well before
@@ -71,8 +69,8 @@ def random_midpoint_displacement(
     >>> surface.shape, surface.spacing
     ((33, 33), 3.125)
     """
-    m = _integer("m", m, 1, LARGEST_M)
-    seed = _integer("seed", seed, 0)
+    m = whole("m", m, 1, LARGEST_M)
+    seed = whole("seed", seed, 0)
     side = positive("side", side)
     deviations = _deviations(D, m, law)
     # Generator and bit generator are both named: `default_rng` may change its mind between versions.
@@ -132,7 +130,7 @@ def midpoint_levels(m: int) -> Index:
     SurfaceError
         If m lies outside its interval.
     """
-    m = _integer("m", m, 1, LARGEST_M)
+    m = whole("m", m, 1, LARGEST_M)
     nodes = 2**m
     levels = np.zeros((nodes + 1, nodes + 1), dtype=np.int64)
     for level in range(m):
@@ -181,11 +179,3 @@ def _deviations(D: float, m: int, law: str) -> list[float]:
     if law == "variance":
         return [math.sqrt(INITIAL_SPREAD * factor) for factor in factors]
     return [INITIAL_SPREAD * factor for factor in factors]
-
-
-def _integer(name: str, value: int, lowest: int, highest: float = math.inf) -> int:
-    with contextlib.suppress(TypeError):
-        if lowest <= (number := operator.index(value)) <= highest:
-            return number
-    allowed = f"an integer >= {lowest}" if highest == math.inf else f"an integer in [{lowest}, {highest}]"
-    raise SurfaceError(f"{name} must be {allowed}, got {value!r}")

@@ -5,10 +5,12 @@ Conventions: heights z are positive up, axis 0 is x and axis 1 is y, the nodes a
 
 from __future__ import annotations
 
+import contextlib
 import math
-from dataclasses import dataclass
+import operator
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import get_args
+from typing import SupportsIndex, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -151,7 +153,9 @@ class Surface(Sided):
 
     def scaled(self, Sq: float) -> Surface:
         """Return the surface with its heights multiplied so that their root mean square is ``Sq`` [length]."""
-        return Surface(self.heights * (Sq / self.Sq), self.spacing, sides=self.sides)
+        if self.Sq == 0.0:
+            raise SurfaceError("the surface is flat, Sq is 0: its heights have no scale")
+        return replace(self, heights=self.heights * (positive("Sq", Sq) / self.Sq))
 
     @property
     def peak(self) -> float:
@@ -230,7 +234,7 @@ def real(name: str, value: float) -> float:
     """Return a value as a float, or refuse anything but a real number."""
     try:
         return float(value)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise SurfaceError(f"{name} must be a number, got {value!r}") from error
 
 
@@ -240,3 +244,12 @@ def positive(name: str, value: float) -> float:
     if not (math.isfinite(number) and number > 0.0):
         raise SurfaceError(f"{name} must be finite and positive, got {value!r}")
     return number
+
+
+def whole(name: str, value: SupportsIndex, lowest: int, highest: float = math.inf) -> int:
+    """Return a whole number of Python or numpy as an integer, or refuse other values and those outside its interval."""
+    with contextlib.suppress(TypeError):
+        if lowest <= (number := operator.index(value)) <= highest:
+            return number
+    allowed = f"an integer >= {lowest}" if highest == math.inf else f"an integer in [{lowest}, {highest}]"
+    raise SurfaceError(f"{name} must be {allowed}, got {value!r}")

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
 from roughvol.surfaces.spectrum import Spectrum
-from roughvol.surfaces.surface import Surface, positive, real
+from roughvol.surfaces.surface import Surface, positive, real, whole
 from roughvol.typing import Array, Index
 
 Waves = NDArray[np.complex128]  # shape (2R + 1, R + 1): rows i = 0 … R, -R … -1, columns j = 0 … R
@@ -83,7 +83,8 @@ def power_law_surface(spectrum: Spectrum, hurst: float, n: int, *, side: float =
     ((32, 32), 0.5)
     """
     hurst, side = real("H", hurst), positive("side", side)
-    _check(spectrum, hurst, n, seed)
+    n, seed = whole("n", n, 8, LARGEST_N), whole("seed", seed, 0)
+    _check(spectrum, hurst, n)
     waves = skewed(_scaled(gaussian_waves(spectrum, hurst, seed), spectrum, side), spectrum)
     heights = _on_grid(waves, n)
     if not spectrum.periodic:
@@ -224,14 +225,13 @@ def _with_moduli(waves: Waves, moduli: Array) -> Waves:
     return waves * (moduli / own)
 
 
-def _check(spectrum: Spectrum, hurst: float, n: int, seed: int) -> None:
+def _check(spectrum: Spectrum, hurst: float, n: int) -> None:
     """Refuse what lies outside its interval."""
     rolloff, cut, stretch = spectrum.rolloff, spectrum.cut, spectrum.anisotropy
-    finite, even = math.isfinite(cut) and math.isfinite(stretch), isinstance(n, int) and n % 2 == 0
+    finite = math.isfinite(cut) and math.isfinite(stretch)
     rules = (
         (0.0 < hurst < 1.0, f"H must be in (0, 1), got {hurst!r}"),
-        (even and 8 <= n <= LARGEST_N, f"n must be an even number in [8, {LARGEST_N}], got {n!r}"),
-        (isinstance(seed, int) and seed >= 0, f"seed must be an integer >= 0, got {seed!r}"),
+        (n % 2 == 0, f"n must be even, got {n!r}"),
         (rolloff >= 1.0, f"rolloff = L/λ_r must be >= 1, got {rolloff!r}"),
         (
             finite and rolloff < cut <= LARGEST_N / 2,

@@ -95,6 +95,7 @@ def test_midpoint_levels():
         ({"seed": -1}, "seed must be an integer >= 0, got -1"),
         ({"side": 0.0}, "side must be finite and positive, got 0.0"),
         ({"side": float("inf")}, "side"),
+        ({"side": 10**400}, "side must be a number"),
         ({"law": "sigma"}, "'std', 'variance', got 'sigma'"),
     ],
 )

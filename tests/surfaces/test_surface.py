@@ -62,6 +62,15 @@ def test_Sq_is_the_deviation_about_the_mean_plane_and_extremes_are_in_its_unit()
     assert surface.scaled(7.0).Sq == pytest.approx(7.0, rel=1e-15)
 
 
+def test_scaled_heights_keep_what_is_known_of_them_and_a_plane_has_no_scale():
+    measured = Surface(BUMP, 1.0, filled=3, outliers=2, peak_before=9.0).scaled(7.0)
+    assert (measured.filled, measured.outliers, measured.peak_before) == (3, 2, 9.0)
+    with pytest.raises(SurfaceError, match="the surface is flat, Sq is 0"):
+        Surface(np.zeros((4, 4)), 1.0).scaled(7.0)
+    with pytest.raises(SurfaceError, match=r"Sq must be finite and positive, got -7\.0"):
+        Surface(BUMP, 1.0).scaled(-7.0)
+
+
 def test_Sq_scales_exactly_with_powers_of_two_and_to_rounding_otherwise():
     surface = Surface(ROUGH, 1.0)
     assert Surface(ROUGH * 2.0**-900, 1.0).Sq == surface.Sq * 2.0**-900

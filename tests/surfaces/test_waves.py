@@ -205,3 +205,9 @@ def test_moments_of_a_power_law_give_its_known_parameter_of_nayak():
         of_height, of_slope, of_curvature = (moment(Spectrum(rolloff=1.0, cut=zeta), H, order) for order in (0, 2, 4))
         found = 1.5 * of_height * of_curvature / of_slope**2
         assert found == pytest.approx(known, rel=1e-10)
+
+
+def test_whole_numbers_of_numpy_are_taken():
+    spectrum = Spectrum(rolloff=2.0, cut=8.0)
+    made = power_law_surface(spectrum, 0.8, np.int64(16), seed=np.int64(3))
+    np.testing.assert_array_equal(made.heights, power_law_surface(spectrum, 0.8, 16, seed=3).heights)
