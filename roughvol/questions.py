@@ -858,8 +858,8 @@ def tradeoff(
 
     Raises
     ------
-    ContactError
-        If the study has no elastic sweep of a free surface.
+    StudyError
+        If the study has no elastic sweep of a free surface, or several by its lists.
 
     See Also
     --------

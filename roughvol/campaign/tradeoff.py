@@ -96,6 +96,8 @@ def surfaces_of(study: Study) -> tuple[Case, ...]:
     if cases[0].plastic or len(sweep.legs) > 1 or sweep.legs[0].listed or sweep.has_units:
         message = "a trade-off is measured on one elastic sweep; allowed: no list of legs or states, no hardness that "
         raise refused(f"{message}acts, an end without a unit")
+    if len({case.label for case in cases}) < len(cases):
+        raise refused("a trade-off is measured on one combination of lists; allowed: --set with a value of each list")
     if cases[0].endless:
         message = f"given {cases[0].sides}; allowed: free, the ladders of m and kernel are of a free patch"
         raise StudyError([Problem(message, "surface.sides")])

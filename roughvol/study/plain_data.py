@@ -65,7 +65,7 @@ class Reading:
 
     def _build(self, node: Any, path: KeyPath) -> Any:
         self.marks.setdefault(path, (node.start_mark.line + 1, node.start_mark.column))
-        kind = node.tag.removeprefix("tag:yaml.org,2002:")
+        kind = "" if node.tagged else node.tag.removeprefix("tag:yaml.org,2002:")
         if isinstance(node, yaml.SequenceNode) and kind == "seq":
             return [self._build(item, (*path, index)) for index, item in enumerate(node.value)]
         if isinstance(node, yaml.MappingNode) and kind == "map":
@@ -96,7 +96,7 @@ class Reading:
             try:
                 value = int(text) if kind == "int" else float(text)
                 sound = math.isfinite(value)
-            except (ValueError, OverflowError):  # other text after an explicit tag, or too many digits
+            except (ValueError, OverflowError):  # too many digits
                 sound = False
         else:
             sound = text.encode("utf-8", "ignore").decode() == text  # False for half of a surrogate pair
@@ -209,7 +209,7 @@ def _stop(message: str, event: Any) -> NoReturn:
 
 
 class _Loader(yaml.SafeLoader):
-    """A loader with the scalars of YAML 1.2, limited depth, and no references."""
+    """A loader with the scalars of YAML 1.2, limited depth, and no references. A node knows whether it has a tag."""
 
     yaml_implicit_resolvers = _RESOLVERS
     depth = 0
@@ -221,7 +221,8 @@ class _Loader(yaml.SafeLoader):
         if self.depth >= MAX_DEPTH:
             _stop(f"nested more than {MAX_DEPTH} levels deep", event)
         self.depth += 1
-        node = super().compose_node(parent, index)
+        node: Any = super().compose_node(parent, index)
+        node.tagged = event.tag is not None
         self.depth -= 1
         return node
 

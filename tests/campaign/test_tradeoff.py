@@ -81,6 +81,7 @@ def test_figures_are_drawn(name: str, measured: dataset.Dataset) -> None:
     [
         ("surface: {D: 2.3, m: 4}\nsweep: {steps: 0}", "the study has no sweep"),
         ("surface: {D: 2.3, m: 4}\nsweep: [{steps: 2}, {steps: 1, to: {pressure: 0.1}}]", "one elastic sweep"),
+        ("surface: {D: 2.3, m: 4}\nsweep: {to: {pressure: [0.1, 0.2]}}", "one combination of lists"),
         ("surface: {D: 2.3, m: 4, sides: periodic}", "surface.sides: given periodic; allowed: free"),
     ],
 )
