@@ -185,9 +185,7 @@ class Batch:
     ) -> None:
         self._folder, self._study, self._kept, self._control = folder, study, kept, control
         self._surface = surface if alone else None
-        shape = surface.shape if surface is not None else None
-        self._shapes = {case.id: cost.shape_of(case, shape) for case in cases}
-        works = {case.id: expected_seconds(case, self._shapes[case.id]) for case in cases}
+        works = {case.id: expected_seconds(case, case.shape) for case in cases}
         self._steps = {case.id: case.sweep.steps for case in cases}
         self._forecast = Forecast(works, self._steps, later)
         self._expected = sum(works.values())
@@ -244,7 +242,7 @@ class Batch:
         """
         short = self._control.jobs is None and self._expected < SHORT
         processes = 1 if short else min(jobs, len(self._cases))
-        needs = [cost.memory_of(case, self._shapes[case.id]) for case in self._cases]
+        needs = [cost.memory_of(case) for case in self._cases]
         available = machine.available_memory()
         processes, sentence = cost.limited(processes, needs, available)
         if sentence:

@@ -49,8 +49,8 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
         cases = study.cases()
         with study.placing():
             dimensional.check(cases[0])
-            for (nodes, _), case in {(case.nodes_per_side, case.kernel): case for case in cases}.items():
-                _check_shape(case, (nodes or 0, nodes or 0))
+            for case in {(case.shape, case.kernel): case for case in cases}.values():
+                _check_shape(case)
         return None
     files = [Path(body.file) for one in given.each for body in one.bodies]
     here = all(file in made or file.suffix.lower() in READ_HERE for file in files)
@@ -60,10 +60,11 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
             surface = None if here else _read_apart(study, files)
             dimensional.check(case)
             surface = surface or surface_of(case)
-            _check_shape(case, surface.shape)
+            _check_shape(case)
             for other in others:
-                if here or other.file == case.file:
-                    _check_shape(other, surface_of(other).shape if here else surface.shape)
+                if here:
+                    surface_of(other)
+                _check_shape(other)
     except (DatasetError, SurfaceError) as error:
         if made:  # an argument of Python, which the caller names
             raise
@@ -73,18 +74,19 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
     return surface
 
 
-def _check_shape(case: Case, shape: tuple[int, int]) -> None:
+def _check_shape(case: Case) -> None:
     """Refuse a grid with too few elements for a period, for a layer, or for the regions of the study."""
-    if case.periodic and min(shape) < LEAST_PERIOD:
-        message = f"{case.label} has {shape[0]} x {shape[1]} heights; a period needs {LEAST_PERIOD} x {LEAST_PERIOD}"
+    rows, columns = case.shape
+    if case.periodic and min(rows, columns) < LEAST_PERIOD:
+        message = f"{case.label} has {rows} x {columns} heights; a period needs {LEAST_PERIOD} x {LEAST_PERIOD}"
         raise StudyError([Problem(message, "surface.sides")])
-    spacing = case.L / intervals(shape[0], case.periodic)
+    spacing = case.L / intervals(rows, case.periodic)
     try:
         kernel_on(spacing, case)
     except ContactError as error:
         words = f"{error}; the spacing is {spacing:.6g} {case.length_unit or ''}".rstrip()
         raise StudyError([Problem(words, "material.thickness")]) from error
-    regions.check(case, shape)
+    regions.check(case, case.shape)
 
 
 def _read_apart(study: Study, files: Sequence[Path]) -> Surface:

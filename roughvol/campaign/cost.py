@@ -11,20 +11,19 @@ import time
 import timeit
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
 
 from roughvol.campaign import machine
-from roughvol.campaign.case_surface import surface_of
 from roughvol.campaign.machine import size
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.ensemble.cost import expected_seconds, observable_seconds
 from roughvol.errors import CampaignError, ResourceError
 from roughvol.observables import requests
 from roughvol.observables.variables import OBSERVABLES
-from roughvol.study import ACCURACY, EXPECTED, Case, Solver, Study
+from roughvol.study import ACCURACY, EXPECTED, Case, Study
 from roughvol.typing import Shape, Sides
 
 # Bytes, from the growth of the largest resident set of `run_case` at m = 9 and 10 (D = 2.5; docs/how-to/cluster.md).
@@ -67,71 +66,54 @@ class Estimate:
         return f"this takes about {years:.2g} years ({days:.0f} days) in {processes}"
 
 
-def shape_of(case: Case, known: Shape | None = None) -> Shape:
-    """Return the nodes of a case; of height files those known, or those of the surface, which is read."""
-    nodes = case.nodes_per_side
-    if nodes is not None:
-        return nodes, nodes
-    # solver and record change no surface; functions of the user have no hash
-    return known or _measured_shape(replace(case, solver=Solver(), record=type(case.record)()))
-
-
-@functools.lru_cache(maxsize=8)
-def _measured_shape(case: Case) -> Shape:
-    return surface_of(case).shape
-
-
-def memory_of(case: Case, shape: Shape) -> float:
-    """Return the bytes of memory that a process needs for a case with this number of nodes."""
-    nodes = math.prod(shape)
+def memory_of(case: Case) -> float:
+    """Return the bytes of memory that a process needs for a case."""
+    nodes = math.prod(case.shape)
     if case.sweep.steps == 0:
         skewed = case.spectrum is not None and case.spectrum.Ssk is not None
         per_node = SURFACE_BYTES + SKEWED_BYTES * skewed
     else:
         per_node = NODE_BYTES + CHANNEL_BYTES * any("percolation" in leg.target.kind for leg in case.sweep.legs)
-        if flow_elements(case, shape) > 0:
+        if flow_elements(case) > 0:
             per_node += FLOW_BYTES
             per_node += GAS_BYTES * (case.gas is not None)
-    compiled = case.record.transport is not None or flow_elements(case, shape) > 0
+    compiled = case.record.transport is not None or flow_elements(case) > 0
     whole = PROCESS_BYTES + COMPILED_BYTES * compiled
     return whole + nodes * (per_node + FIELD_BYTES * requests.fields_of(case.record))
 
 
-def flow_elements(case: Case, shape: Shape) -> int:
+def flow_elements(case: Case) -> int:
     """Return the number of elements of the largest flow that a case asks for, 0 without one."""
     rows = [OBSERVABLES[name] for name in requests.asked(case.record)]
     shares = [max(requests.passes(row, case.record)) for row in rows if row.flow]
-    return math.ceil(math.prod(shape) * max(shares, default=0.0))
+    return math.ceil(math.prod(case.shape) * max(shares, default=0.0))
 
 
-def disk_of(case: Case, shape: Shape) -> float:
+def disk_of(case: Case) -> float:
     """Return an upper bound of the bytes in the file of a case; compressed fields take less."""
-    fields = 8 * math.prod(shape) * requests.fields_of(case.record)
+    fields = 8 * math.prod(case.shape) * requests.fields_of(case.record)
     return FILE_BYTES + STEP_BYTES * case.sweep.steps + fields
 
 
-def check_fits(
-    missing: Iterable[Case], cases: Iterable[Case], folder: Path, shape: Shape | None = None, *, here: bool = True
-) -> None:
+def check_fits(missing: Iterable[Case], cases: Iterable[Case], folder: Path, *, here: bool = True) -> None:
     """Refuse a run whose missing cases exceed the memory of this machine, or whose files exceed its disk.
 
-    All cases are stored in ``study.nc`` as well. ``shape`` are the nodes of a surface that has been read. The memory of
-    a cluster is unknown (``here``). `ResourceError`, or `CampaignError` where ``ulimit -v`` is too small.
+    All cases are stored in ``study.nc`` as well. The memory of a cluster is unknown (``here``). `ResourceError`, or
+    `CampaignError` where ``ulimit -v`` is too small.
     """
-    computed = [(case, shape_of(case, shape), number) for case, number in _alike(missing)]
+    computed = _alike(missing)
     if not computed:
         return
     problems = []
     if here:
-        need, label = max((memory_of(case, nodes), case.label) for case, nodes, _ in computed)
+        need, label = max((memory_of(case), case.label) for case, _ in computed)
         available, limit = machine.available_memory(), machine.address_space()
         if available is not None and need > max(available, SMALL):
             problems.append(f"{label} needs about {size(need)} of memory, {size(available)} are available")
         if limit is not None and (space := machine.needed_space(need - PROCESS_BYTES)) > limit:
             message = f"not enough memory: {label} needs about {size(space)} of address space, "
             raise CampaignError(f"{message}the limit is {size(limit)} (ulimit -v)")
-    stored = computed + [(case, shape_of(case, shape), number) for case, number in _alike(cases)]
-    disk = sum(number * disk_of(case, nodes) for case, nodes, number in stored)
+    disk = sum(number * disk_of(case) for case, number in computed + _alike(cases))
     free = machine.free_disk(folder)
     if free is not None and disk > max(free, SMALL):
         problems.append(f"the results need up to {size(disk)} of disk, {size(free)} are free at {folder}")
@@ -187,32 +169,32 @@ def estimate(study: Study, jobs: int | None = None) -> Estimate:
 def _estimate(cases: Sequence[Case], jobs: int | None) -> Estimate:
     machine.check_jobs(jobs)
     jobs = min(jobs or machine.cores(), len(cases))
-    alike = [(case, shape_of(case), number) for case, number in _alike(cases)]
-    needs = [need for case, shape, number in alike for need in [memory_of(case, shape)] * min(number, jobs)]
+    alike = _alike(cases)
+    needs = [need for case, number in alike for need in [memory_of(case)] * min(number, jobs)]
     jobs, notice = limited(jobs, needs, machine.available_memory())
     longest, together = 0.0, 0.0
     observables: Counter[str] = Counter()
-    for case, shape, number in alike:
-        convolution = seconds_per_convolution(shape, case.sides) if case.sweep.steps > 0 else 0.0
-        seconds = expected_seconds(case, shape, convolution)
+    for case, number in alike:
+        convolution = seconds_per_convolution(case.shape, case.sides) if case.sweep.steps > 0 else 0.0
+        seconds = expected_seconds(case, case.shape, convolution)
         longest, together = max(longest, seconds), together + number * seconds
-        observables.update({name: number * taken for name, taken in observable_seconds(case, shape).items()})
+        observables.update({name: number * taken for name, taken in observable_seconds(case, case.shape).items()})
     return Estimate(
         cases=len(cases),
         steps=sum(case.sweep.steps for case in cases),
         jobs=jobs,
         memory=max(needs),
         # each case is stored in its file and in study.nc
-        disk=2 * sum(number * disk_of(case, shape) for case, shape, number in alike),
+        disk=2 * sum(number * disk_of(case) for case, number in alike),
         seconds=START + max(together / jobs, longest),
         observables=dict(observables),
         notice=notice,
     )
 
 
-def warning(cases: Sequence[Case], jobs: int | None, shape: Shape | None = None) -> str:
+def warning(cases: Sequence[Case], jobs: int | None) -> str:
     """Return the warning for cases that take longer than `LONG`; few or small cases are not timed."""
-    states = sum(case.sweep.steps * math.prod(shape_of(case, shape)) for case in cases)
+    states = sum(case.sweep.steps * math.prod(case.shape) for case in cases)
     return "" if ROUGH * states / (jobs or machine.cores()) < LONG / 30.0 else _estimate(cases, jobs).warning
 
 

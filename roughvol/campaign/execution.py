@@ -44,7 +44,6 @@ def run(
     machine.check_jobs(jobs)
     control = Control(jobs, scheduler, on_event, stopping)
     surface = check_surfaces(study, made)
-    shape = surface.shape if surface is not None else None
     folder = folder_of(study, out)
     study = same_study.spelled_as(study, same_study.stored_in(folder, study))
     cases = sample_plan.cases_of(study, folder)
@@ -52,7 +51,7 @@ def run(
     again = wanted if fresh else set()
     stored = run_folder.stored_ids(folder)
     left = [case for id, case in cases.items() if id in again or id in wanted - stored]
-    cost.check_fits(left, cases.values(), folder, shape, here=scheduler is None)
+    cost.check_fits(left, cases.values(), folder, here=scheduler is None)
     with lock.opened(folder):
         another = same_study.another_study(folder, study, cases)
         if another and not fresh:
@@ -73,7 +72,7 @@ def run(
         begin = Progress(cases=len(cases), kept=len(cases) - len(missing))
         if taken:
             notices.append(f"nothing to compute for {len(taken)} finished in other runs of this folder")
-        if scheduler is None and (long := cost.warning(missing, jobs, shape)):
+        if scheduler is None and (long := cost.warning(missing, jobs)):
             notices.append(f"warning: {long}")
         if missing and (sides := interpretation.default_sides(study)):
             notices.append(sides)

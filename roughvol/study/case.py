@@ -45,6 +45,7 @@ class Case(Sided):
     midpoint_law: Literal["std", "variance"] | None = None
     spectrum: Spectrum | None = None  # with H = 3 - D and n = 2^m
     bodies: tuple[Body, ...] = ()  # whose heights come from files: none, one, or two facing each other
+    nodes: tuple[int, int] = (0, 0)  # of heights from files, along x and y
     treatment: Treatment = UNTREATED
     length_unit: str | None = None  # of L, the heights and all stored lengths; None for an arbitrary one
     modulus_unit: str | None = None  # of E*; None for an arbitrary one
@@ -123,9 +124,12 @@ class Case(Sided):
         return self.bodies[0].file if self.bodies else None
 
     @property
-    def nodes_per_side(self) -> int | None:
-        """Nodes per side of a surface that is made, None for one from files."""
-        return None if self.m is None else 2**self.m + (not self.periodic)
+    def shape(self) -> tuple[int, int]:
+        """Number of nodes along x and y."""
+        if self.m is None:
+            return self.nodes
+        nodes = 2**self.m + (not self.periodic)
+        return nodes, nodes
 
     @functools.cached_property
     def key_text(self) -> str:

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import roughvol
@@ -16,10 +17,10 @@ from roughvol.campaign.batch import Forecast
 from roughvol.campaign.cost import START, choices, estimate
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.ensemble.cost import CALL, CASE, FLOW, NODE, STEP, convolutions_per_step, expected_area, expected_seconds
-from roughvol.errors import CampaignError
+from roughvol.errors import CampaignError, ResourceError
 from roughvol.observables import requests
 from roughvol.study import ACCURACY, loads
-from tests.campaign.kit import case_of
+from tests.campaign.kit import case_of, noise
 from tests.kit import call, refused
 
 PLAIN = "surface: {D: 2.2, m: 6, seeds: 4}\nsweep: {steps: 50}"
@@ -182,7 +183,7 @@ def test_the_memory_of_a_gas_is_little_beside_that_of_its_flow() -> None:
     """Measured at m = 9 and 10: 209 to 266 bytes a node beside the 250 of a sweep."""
     flow = "surface: {D: 2.2, m: 9, L: 1 mm, Sq: 1 um, seeds: [1]}\nmaterial: {E_star: 10 MPa}\nsweep: {steps: 2}\n"
     gas = "fluid: {gas: helium, inlet: 1 bar, outlet: 0 bar}\nrecord: {transport: {gas_flow: last}}\n"
-    plain, more = (cost.memory_of(loads(text).cases()[0], (513, 513)) for text in (flow, flow + gas))
+    plain, more = (cost.memory_of(loads(text).cases()[0]) for text in (flow, flow + gas))
     assert 266 < (more - plain - cost.COMPILED_BYTES) / 513**2 < 1.2 * 266
 
 
@@ -304,6 +305,20 @@ def test_memory_that_runs_out_is_one_line_and_no_other_error_is(
     monkeypatch.setattr(batch, "file_of_case", fail)
     with pytest.raises(CampaignError, match=r"1 of 1 cases failed\n.*: not enough memory$"):
         execution.run(loads(TEXT), out=tmp_path / "out")
+
+
+def test_each_height_file_costs_its_own_nodes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, nodes in (("a.npy", 9), ("b.npy", 1301)):
+        np.save(tmp_path / name, noise(1, nodes, nodes))
+    study = loads(
+        "surface: {files: '*.npy', L: 1.0}\nsweep: {steps: 1}\nrecord: {transport: {transmissivity: last}}",
+        tmp_path / "study.yaml",
+    )
+    assert [case.shape for case in study.cases()] == [(9, 9), (1301, 1301)]
+    monkeypatch.setattr(machine, "available_memory", lambda: 1.1e9)
+    monkeypatch.setattr(batch.Batch, "compute", lambda batch: pytest.fail("it was begun"))
+    with pytest.raises(ResourceError, match=r"b\.npy needs about 1\.\d+ GB of memory, 1\.1 GB are available"):
+        execution.run(study, out=tmp_path / "out")
 
 
 def test_without_a_limit_nothing_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

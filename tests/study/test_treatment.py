@@ -43,7 +43,10 @@ def _case(folder: Path, keys: str, rest: str = "", L: str = "40 um") -> Case:
 
 
 def _surface(folder: Path, keys: str, L: str = "40 um") -> Surface:
-    return case_surface.surface_of(_case(folder, keys, L=L))
+    case = _case(folder, keys, L=L)
+    surface = case_surface.surface_of(case)
+    assert surface.shape == case.shape
+    return surface
 
 
 # Crop
@@ -120,6 +123,7 @@ def test_block_means_of_a_period_leave_its_length(folder: Path) -> None:
     np.save(folder / "period.npy", MAP[:40, :36])
     case = _case(folder, "file: period.npy, sides: periodic, downsample: 4")
     surface = case_surface.surface_of(case)
+    assert surface.shape == case.shape
     assert np.array_equal(surface.heights, treatment.block_means(MAP[:40, :36], 4))
     assert (surface.periodic, surface.spacing, surface.side, case.L) == (True, 4.0, 40.0, 40.0)
     assert case.surface_text == "means of 4 x 4 nodes taken"

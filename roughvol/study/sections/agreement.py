@@ -31,9 +31,11 @@ class Measured:
     """Measured heights with size, units and treatment resolved, and doubts for the user.
 
     ``L`` is the length of the first axis as pressed, after crop and resampling; ``length_unit`` is that of all lengths.
+    ``nodes`` are those of the heights as pressed, along x and y.
     """
 
     L: float
+    nodes: tuple[int, int]
     length_unit: str | None
     bodies: tuple[Body, ...]
     treatment: Treatment
@@ -66,9 +68,9 @@ def resolve(surface: HeightFile) -> Measured:
         sizes = " and ".join(" x ".join(f"{side:.6g}" for side in pair) for pair in (first, other))
         wrong(f"the files differ in size, {sizes} {unit or ''}".rstrip(), "surface.against.file")
     notes = _notes(float(L), unit, descriptions, bodies, given=surface.L)
-    treatment, left, ratios = settled(surface, descriptions, float(L), unit)
+    treatment, left, nodes, ratios = settled(surface, descriptions, float(L), unit)
     bodies = [replace(body, pixel_ratio=ratio) for body, ratio in zip(bodies, ratios, strict=True)]
-    return Measured(left, unit, tuple(bodies), treatment, notes)
+    return Measured(left, nodes, unit, tuple(bodies), treatment, notes)
 
 
 def _body(surface: HeightFile, body: HeightFile | CounterBody, sha256: str, description: Description, key: str) -> Body:

@@ -80,8 +80,8 @@ def steps(treatment: Treatment, unit: str | None) -> list[str]:
 
 def settled(
     surface: HeightFile, descriptions: Sequence[Description], L: float, unit: str | None
-) -> tuple[Treatment, float, list[float | None]]:
-    """Return the treatment in nodes, the remaining length, and the pixel ratio of each file."""
+) -> tuple[Treatment, float, tuple[int, int], list[float | None]]:
+    """Return the treatment in nodes, the remaining length and nodes, and the pixel ratio of each file."""
     low_pass = None if surface.low_pass is None else in_unit_of_study(surface.low_pass, unit, "surface.low_pass")
     outliers = None if surface.outliers is None else (surface.outliers.sigma, surface.outliers.window)
     plain = Treatment(surface.level, surface.missing, low_pass, outliers=outliers)
@@ -104,10 +104,11 @@ def settled(
         wrong(f"blocks of {downsample} x {downsample} nodes do not fill a period of {period}", "surface.downsample")
     kept = nodes_kept(surface.crop, downsample, lattices[0], unit) if changed else None
     if kept is None and downsample == 1 and resample == "none":
-        return plain, L, [None] * len(descriptions)  # L exactly as without a crop
-    left = L if surface.periodic else after(lattices[0], kept, downsample, resample).L
+        return plain, L, lattices[0].shape, [None] * len(descriptions)  # L exactly as without a crop
+    left = after(lattices[0], kept, downsample, resample)
     treatment = replace(plain, crop=kept, downsample=downsample, resample=resample)
-    return treatment, left, [lattice.ratio if resample != "none" else None for lattice in lattices]
+    ratios = [lattice.ratio if resample != "none" else None for lattice in lattices]
+    return treatment, L if surface.periodic else left.L, left.shape, ratios
 
 
 def nodes_kept(crop: Crop | None, downsample: int, lattice: Lattice, unit: str | None) -> Nodes | None:
