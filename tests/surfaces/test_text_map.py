@@ -51,6 +51,23 @@ def test_marks_of_other_programs_are_missing_heights(tmp_path, mark, between):
     same(put(tmp_path / "z.txt", rows(first, between, mark) + f"# {mark}\n"), first, holes=True)
 
 
+@pytest.mark.parametrize("mark", ["-1,#IND", "1,#QNAN00", "1.#INF"])
+@pytest.mark.parametrize("between", [" ", "\t", ";"])
+@pytest.mark.parametrize("place", [0, 2, -1])
+def test_marks_beside_decimal_commas_are_missing_heights(tmp_path, mark, between, place):
+    holed = HEIGHTS.copy()
+    holed[1, place] = np.nan
+    text = rows(HEIGHTS, between).replace(".", ",").splitlines()
+    cells = text[1].split(between)
+    cells[place] = mark
+    text[1] = between.join(cells)
+    same(put(tmp_path / "z.txt", "\n".join(text)), holed, holes=True)
+
+
+def test_marks_between_commas_are_missing_heights(tmp_path):
+    same(put(tmp_path / "z.csv", rows(HOLED, ",", "-1.#IND")), HOLED, holes=True)
+
+
 def test_a_minus_sign_of_typesetting_is_a_minus(tmp_path):
     same(put(tmp_path / "z.txt", rows(HEIGHTS).replace("-", "\u2212")), HEIGHTS)
 

@@ -19,13 +19,13 @@ from roughvol.typing import Array
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?|[-+]?(?:inf|infinity)", re.IGNORECASE)
 _SHEET = r"#(?:n/a|div/0!|num!|value!|ref!|null!)"  # of a spreadsheet
-_C = r"[-+]?1\.#(?:ind|qnan|snan|inf)0*"  # of the C library of Windows
+_C = re.compile(r"(?<![\w.])[-+]?1[.,]#(?:ind|qnan|snan|inf)0*(?!\w)", re.IGNORECASE)  # no number, in C on Windows
 _MISSING = re.compile(
-    rf"|[-+]?nan|na|n/a|{_SHEET}|{_C}|null|none|bad|void|no_?data|invalid|undefined|\*+|-+|\?+", re.IGNORECASE
+    rf"|[-+]?nan|na|n/a|{_SHEET}|null|none|bad|void|no_?data|invalid|undefined|\*+|-+|\?+", re.IGNORECASE
 )
 _NO_DATA = re.compile(r"\bno data\b", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
-_COMMENT = re.compile(rf"(?<!1\.)(?!{_SHEET})#.*", re.IGNORECASE)
+_COMMENT = re.compile(rf"(?!{_SHEET})#.*", re.IGNORECASE)
 _SAMPLE = 50  # lines searched for the delimiter
 _HEAD = 4096  # bytes searched for control characters
 
@@ -71,6 +71,7 @@ def numbered(path: Path) -> list[tuple[int, str]]:
         except UnicodeDecodeError:
             text = content.decode("latin-1")  # µ is one byte there
     text = text.replace("\u2212", "-")  # the minus sign of typesetting
+    text = _C.sub("nan", text) if "#" in text else text  # it has the decimal mark of the numbers
     return list(enumerate(re.split("\r\n|\r|\n", text), start=1))  # str.splitlines also breaks at form feeds
 
 
