@@ -228,7 +228,7 @@ def within_budget(
     needed = rate * (_modelled(planned, costs) - done)
     if needed <= left:
         return planned, False
-    share = max(left, 0.0) / needed
+    share = max(left, 0.0) / needed if needed > 0.0 else 0.0  # surfaces without a solve alone are planned
     reduced = {
         D: {m: counts[D][m] + int(share * (number - counts[D][m])) for m, number in levels.items()}
         for D, levels in planned.items()

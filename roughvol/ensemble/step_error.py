@@ -60,7 +60,7 @@ def measured(study: Study, arrays: Mapping[str, Arrays]) -> StepErrors:
     each = np.concatenate(rows)
     with np.errstate(invalid="ignore"):  # infinite errors
         noise = np.nan_to_num(each.std(axis=0, ddof=1), nan=0.0) / math.sqrt(len(each))
-    return StepErrors(tuple((np.abs(each.mean(axis=0)) + noise).tolist()), SURFACES)
+    return StepErrors(tuple((np.abs(each.mean(axis=0)) + noise).tolist()), len(each))
 
 
 def _every(study: Study) -> int:

@@ -20,7 +20,7 @@ from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_s
 from roughvol.observables.variables import AXES, OF_STATE, SOLVED, VARIABLES
 from roughvol.study import CLOSING, Accuracy, Case, Ensemble, Level, Quantity, Scale
 from roughvol.study.sections.ensemble import RECORDED_BY
-from roughvol.study.values.state_kinds import step_at, stored_name
+from roughvol.study.values.state_kinds import STARRED, step_at, stored_name
 from roughvol.study.values.units import unit_of
 from roughvol.typing import Array
 
@@ -168,16 +168,19 @@ def _step(series: Series, along: Array, state: Level, case: Case) -> int | None:
 
 
 def _require_reached(series: Series, along: Array, state: Level, starred: float, case: Case) -> None:
-    """Refuse a state beyond the end of a sweep."""
-    if not math.isfinite(float(at_state(along, along, starred)[0])):
-        last, unit = f"{along[-1]:.4g}", unit_of(state.value)
-        if unit is not None:
-            last = f"{along[-1] / _starred(series, Level(state.kind, Quantity(1.0, unit)), case):.4g} {unit}"
-        message = (
-            f"{state.written} is not reached by {case.label}, whose sweep ends at {state.kind} {last}: "
-            f"sweep further, as to: {{{state.kind}: {state.written}}}"
-        )
-        raise StudyError([Problem(message, f"ensemble.at.{state.kind}")])
+    """Refuse a state before the first touch, or beyond the end of a sweep."""
+    if math.isfinite(float(at_state(along, along, starred)[0])):
+        return
+    unit = unit_of(state.value)
+    per_unit = 1.0 if unit is None else _starred(series, Level(state.kind, Quantity(1.0, unit)), case)
+    first, last = (" ".join(filter(None, (f"{end / per_unit:.4g}", unit))) for end in (along[0], along[-1]))
+    message = (
+        f"{state.written} is not reached by {case.label}, whose sweep ends at {state.kind} {last}: "
+        f"sweep further, as to: {{{state.kind}: {state.written}}}"
+    )
+    if STARRED[state.kind].falls and starred > along[0]:
+        message = f"{state.written} lies before the first touch of {case.label}; allowed: below {first}"
+    raise StudyError([Problem(message, f"ensemble.at.{state.kind}")])
 
 
 def _closing_pressure(series: Series, stored: str, case: Case) -> float:

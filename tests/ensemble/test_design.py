@@ -119,6 +119,15 @@ def test_a_budget_ends_it_and_says_what_was_reached() -> None:
     assert "budget of 1 min" in said[-1]
 
 
+def test_a_budget_ends_it_where_surfaces_without_a_solve_alone_are_lacking() -> None:
+    """The plan had no further samples, and the share of them that fits into the budget was 0/0."""
+    text = "surface: {D: 2.2, m: 1}\nensemble: {at: {contact_area: 0.1}, accuracy: {free_volume: 8 %}, budget: 1 s}"
+    seconds = itertools.count(0.0, 40.0)
+    found = driven(loads(text), steps=EXACT, seconds=lambda: next(seconds))
+    assert not found.estimates[2.2][0].reached
+    assert "budget of 1 s" in answer.sentences(found)[-1]
+
+
 def test_an_accuracy_out_of_reach_is_an_error() -> None:
     with pytest.raises(CampaignError, match="needs more than 1000000 samples; its mean is"):
         _driven(asked(5, "1e-9"), made({3: 1.0, 4: 1.0, 5: 1.0}))
@@ -170,6 +179,9 @@ def test_a_state_that_a_step_reaches_needs_no_interpolation(monkeypatch: pytest.
     monkeypatch.setattr(step_error, "SURFACES", 2)
     sweep = "sweep: {steps: 2, equal: pressure, to: {pressure: 0.6}}"
     assert rounds.step_errors(_choosing("contact_area: 1 %", sweep)).errors == (0.0,)
+    several = "surface: {D: [2.2, 2.4, 2.6], m: 2}\nsweep: {steps: 2}\nensemble: "
+    some = loads(several + "{at: {separation: 0.3}, accuracy: {contact_area: 9 %}}")
+    assert rounds.step_errors(some).surfaces == len(step_error.trial(some)) == 3
 
 
 @pytest.mark.slow

@@ -90,6 +90,13 @@ def test_a_state_with_a_unit_that_is_not_reached_is_compared_in_this_unit() -> N
         value_at(_series(case), "mean_pressure", level, case)
 
 
+def test_a_state_before_the_first_touch_is_no_reason_to_sweep_further() -> None:
+    case = _case("mean-plane")
+    touch = float(_series(case)["separation"][0])
+    with pytest.raises(StudyError, match=rf"9 lies before the first touch of .*; allowed: below {touch:.4g}$"):
+        value_at(_series(case), "mean_pressure", Level("separation", 9.0), case)
+
+
 def test_a_void_still_open_has_no_closing_pressure() -> None:
     case = _case("mean-plane")
     with pytest.raises(StudyError, match=r"ensemble.accuracy.percolation_pressure: the void of .* is still open"):
