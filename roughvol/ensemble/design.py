@@ -161,9 +161,10 @@ def _label(D: float, estimate: MeanEstimate) -> str:
 
 
 def _changes(level_means: Sequence[float]) -> str:
-    """Return the relative changes of a mean over the last three levels, in per cent."""
-    changes = [100.0 * (fine / coarse - 1.0) for coarse, fine in itertools.pairwise(level_means[-4:])]
-    return ", ".join(f"{change:+.1f} %" for change in changes)
+    """Return the relative changes of a mean over the last three levels, in per cent; from 0 they are infinite."""
+    coarse, fine = np.array(level_means[:-1][-3:]), np.array(level_means[1:][-3:])
+    change = np.divide(fine - coarse, coarse, out=np.where(fine == coarse, 0.0, np.inf), where=coarse != 0.0)
+    return ", ".join(f"{100.0 * part:+.1f} %" for part in change)
 
 
 def pilot(levels: Sequence[int]) -> dict[int, int]:

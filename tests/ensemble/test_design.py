@@ -90,6 +90,11 @@ def test_a_mean_without_a_limit_is_refused_after_the_pilot(key: str, finest: int
     assert max(solved) == finest
 
 
+def test_a_mean_that_is_zero_up_to_the_finest_grid_has_no_limit_there() -> None:
+    with pytest.raises(StudyError, match=r"its last levels change it by \+0.0 %, \+0.0 %, \+inf %"):
+        _driven(asked("auto", "5 %"), made({m: float(m == 7) for m in range(1, 14)}))
+
+
 def test_a_mean_that_changes_while_waves_are_missing_is_followed_to_the_shortest_wave() -> None:
     """It falls by 30 % at every level up to 2^7 nodes, λ_s = 2 δ, and then converges."""
     means = {m: 0.7 ** min(m, 7) * (1.0 + 0.3 * 4.0 ** -max(m - 7, 0)) for m in range(4, 13)}
