@@ -265,6 +265,15 @@ def test_a_list_of_materials_has_a_card_each_and_a_table() -> None:
     assert len(list(folder.glob("cards_*.html"))) == 1
 
 
+def test_a_page_in_another_encoding_is_not_overwritten() -> None:
+    page = Path("runs/seal_card/card_pressure=0.02_MPa.html")
+    page.parent.mkdir(parents=True)
+    page.write_bytes(written := "Öl".encode("latin-1"))
+    _printed(_study(PRESSED), *AT)
+    assert page.read_bytes() == written
+    assert len(list(page.parent.glob("card_*.html"))) == 2
+
+
 def test_the_table_of_cards_of_a_gas_alone_has_the_leak_of_the_gas() -> None:
     Path("gas.yaml").write_text(
         "surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: [1]}\nmaterial: {E: [6 MPa, 12 MPa], nu: 0.5}\n"

@@ -42,7 +42,7 @@ def write(page: Page, folder: Path) -> Path:
     """Write a card as HTML and PDF, and return the path of the first; the card of another study is not overwritten."""
     path, shown = folder / f"{page.stem}.html", document(page)
     study = card_text.digest(page.identity)
-    if path.exists() and study not in path.read_text(encoding="utf-8"):
+    if path.exists() and study.encode() not in path.read_bytes():
         path = path.with_name(f"{page.stem}_{study}.html")
     stamped_file.write(path, html.render(shown).encode())
     card_print.page_of(page.card, shown).savefig(path.with_name(f"{path.name.removesuffix('.html')}.pdf"))
