@@ -11,7 +11,7 @@ from xarray import Dataset
 
 from roughvol.analysis.at import state_at
 from roughvol.analysis.average import average
-from roughvol.analysis.derived import derived
+from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number, spread
 from roughvol.analysis.units import sigma
@@ -28,7 +28,7 @@ SHARES = (0.25, 0.5, 0.75, 1.0)  # of the largest pressure that both have
 class Comparison:
     """Quantities of two runs of the same surfaces at equal pressures: elastic contact, and contact that yields.
 
-    ``surfaces`` are the largest D and m of runs of several, in words.
+    ``surfaces`` is the D and the m of the surfaces in words; empty where the runs have one D and one m.
     """
 
     elastic: str
@@ -39,8 +39,7 @@ class Comparison:
     @property
     def title(self) -> str:
         """Title of its section."""
-        title = f"With yield ({self.plastic}) and without ({self.elastic})"
-        return ", ".join(filter(None, (title, self.surfaces)))
+        return ", ".join(filter(None, (f"With yield ({self.plastic}) and without ({self.elastic})", self.surfaces)))
 
 
 NOTE = (
@@ -73,14 +72,15 @@ def hysteresis(run: Run, group: Dataset, several: str = "") -> Iterator[Table]:
 
 
 def comparisons(runs: Sequence[Run]) -> Iterator[Comparison]:
-    """Yield every pair of runs that press the same surfaces, elastically and with yield, on their first legs."""
+    """Yield the pairs of runs that press the same midpoint surfaces, elastically and with yield, by D and m.
+
+    The states are those of the first leg.
+    """
     pressed = [run for run in runs if P in run.dataset and "D" in run.dataset.dims]
     for plastic in (run for run in pressed if "plastic_volume" in run.dataset):
         for elastic in (run for run in pressed if "plastic_volume" not in run.dataset):
-            D, m = max(elastic.D), max(elastic.m)
-            if _same_surfaces(elastic, plastic) and (rows := tuple(_rows(elastic, plastic, D, m))):
-                several = len(elastic.D) * len(elastic.m) > 1
-                yield Comparison(elastic.name, plastic.name, f"D = {D:g}, m = {m}" if several else "", rows)
+            if _same_surfaces(elastic, plastic):
+                yield from _by_group(elastic, plastic)
 
 
 def _same_surfaces(one: Run, other: Run) -> bool:
@@ -97,12 +97,23 @@ def _same_surfaces(one: Run, other: Run) -> bool:
     return bool(np.isclose(heights[0], heights[1], rtol=1e-9))
 
 
-def _rows(elastic: Run, plastic: Run, D: float, m: int) -> Iterator[tuple[str, ...]]:
-    groups = [_with_flow(derived(run.dataset, run.study).sel(D=D, m=m)) for run in (elastic, plastic)]
-    hard, soft = (_leg(group, 1) for group in groups)
+def _by_group(elastic: Run, plastic: Run) -> Iterator[Comparison]:
+    """Yield the comparison of two runs at each D and m that both have, of the surfaces that both have."""
+    hard, soft = (dict(groups(derived(run.dataset, run.study))) for run in (elastic, plastic))
+    several = len(elastic.D) * len(elastic.m) > 1
+    for name in (name for name in hard if name in soft):
+        seeds = np.intersect1d(hard[name]["seed"], soft[name]["seed"])
+        pair = [(run, _with_flow(some[name].sel(seed=seeds))) for run, some in ((elastic, hard), (plastic, soft))]
+        if seeds.size and (rows := tuple(_rows(pair))):
+            yield Comparison(elastic.name, plastic.name, name if several else "", rows)
+
+
+def _rows(pair: Sequence[tuple[Run, Dataset]]) -> Iterator[tuple[str, ...]]:
+    """Yield the quantities of elastic contact and of contact that yields, at shares of the largest common pressure."""
+    hard, soft = (_leg(group, 1) for _, group in pair)
     top = _top((hard, soft))
     for share in SHARES:
-        states = [_at(run, group, 1, share * top) for run, group in zip((elastic, plastic), groups, strict=True)]
+        states = [_at(run, group, 1, share * top) for run, group in pair]
         for name in (name for name in QUANTITIES if name in soft and name in hard):
             first, second = (_by_seed(state, name) for state in states)
             both = np.array([(first[seed], second[seed]) for seed in first if seed in second]).reshape(-1, 2)
