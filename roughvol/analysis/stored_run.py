@@ -52,7 +52,8 @@ def _foreign(dataset: Dataset, study: Study) -> str:
         files = {Path(file).name for file in study.surface.files or (study.surface.file,)}
         cases = [str(label) for label in np.ravel(dataset["case"])] if "case" in dataset.coords else []
         twice = next((f"case = {label} twice" for label in cases if cases.count(label) > 1), "")
-        others = (label for label in cases if label.partition(" against ")[0] not in files)
+        first = tuple(f"{file} against " for file in files)  # of two bodies
+        others = (label for label in cases if label not in files and not label.startswith(first))
         return twice or next((f"case = {label}" for label in others), "")
     if not isinstance(study.surface, MadeSurface) or study.ensemble is not None:
         return ""

@@ -203,6 +203,13 @@ def test_a_choice_without_what_a_question_needs_is_refused(
             question(choose(swept))
 
 
+def test_a_height_file_may_have_the_name_of_two_bodies(here: Path) -> None:
+    """The label of its case was read as that of two files."""
+    np.save("seal against ring.npy", np.random.default_rng(3).normal(size=(7, 7)))
+    ds = roughvol.run({"surface": {"file": "seal against ring.npy", "L": 1.0}, "sweep": {"steps": 2}}, jobs=1)
+    assert len(roughvol.show(ds, "last").rows) == 1
+
+
 @pytest.mark.parametrize(("second", "words"), [("face.npy", "face.npy twice"), ("other.npy", "other.npy")])
 def test_runs_of_height_files_that_were_joined_are_refused(here: Path, second: str, words: str) -> None:
     """Both had the modulus of the first: a surface of the second was left out as not pressed to the load."""
