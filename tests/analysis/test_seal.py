@@ -504,6 +504,19 @@ def test_a_table_has_the_number_of_its_sheets(here: Path) -> None:
     assert "the median of 300 sheets" in said("show", "wide", "--at", AT)
 
 
+def test_ways_across_a_single_row_play_no_part_in_the_closing_load(tmp_path: Path) -> None:
+    """A way along x stays open up to the hardness."""
+    text = TEXT.replace("seeds: 3", "anisotropy: 4, seeds: 2").replace("width: 2 mm", "width: 0.5 mm, flow: y")
+    text = text.replace("10 MPa}", "10 MPa, hardness: 0.12 MPa}").replace("every-step}", "every-step, closing: true}")
+    study = loads(text.replace("steps: 8, to: percolation", "pressures: [0.002 MPa, 0.08 MPa]"))
+    ds = roughvol.run(study, jobs=1, out=tmp_path / "run")
+    assert np.isnan(ds.closing_pressure.sel(axis="x")).any()
+    (asked,) = roughvol.ask(ds).answers
+    (card,) = roughvol.card(study, "pressure=0.002 MPa", out=tmp_path / "card", jobs=1).cards.values()
+    assert card.seal is not None
+    assert card.seal.closing == pytest.approx(asked.value)
+
+
 def test_a_closing_load_that_is_not_known_has_no_unit(tmp_path: Path) -> None:
     text = COARSE.replace("seeds: 3", "seeds: 1").replace("width: 2 mm", "width: 0.5 mm")
     text = text.replace("steps: 8, to: percolation", "steps: 2, to: {pressure: 0.02 MPa}")

@@ -162,10 +162,13 @@ def _closing_of_seal(
 ) -> tuple[seal.Estimate, tuple[Part, ...]]:
     """Return the closing load of a seal and the parts of its error; NaN under fluid pressure, or if a way is open."""
     loads = np.array([[[surface.closing[axis].value for axis in patch.axes]] for surface in fine])
+    several = len(fine) > 1
+    turned = isotropic and several
+    if patch.patches[0] == 1 and not turned:  # no joint leads across
+        loads[..., 1] = loads[..., 0]
     if is_lifted(fine[0].table) or not (loads > 0.0).all():
         return seal.Estimate(math.nan, math.nan, math.nan), ()
-    several = len(fine) > 1
-    closing = seal.closing_of(loads, patch.patches, isotropic=isotropic and several)
+    closing = seal.closing_of(loads, patch.patches, isotropic=turned)
     parts = tuple(part for part in flow.closing.parts if part.name != "window" or not several)
     smaller, larger = together(parts)
     if several:
