@@ -14,6 +14,7 @@ import numpy as np
 from xarray import DataArray, Dataset, Variable
 
 from roughvol.observables.variables import AXES, QUANTITIES, VARIABLES
+from roughvol.study.values.state_kinds import REACHED
 from roughvol.typing import Array
 
 STATE = "fluid_at"  # dimension of the states under fluid pressure
@@ -26,7 +27,6 @@ FLOWS = tuple(name for name, row in QUANTITIES.items() if row.averaged == "media
 EVIDENCE = ("percolates", "critical_gap", "transmissivity", "diffusivity", "gas_transmissivity")
 """Numbers of the dry gap that are 0 where a way is closed, and only there."""
 WITHOUT = ", without fluid pressure"
-NEAR = 1e-6  # relative: a step at the load of a recorded state is this state
 Flow = TypeVar("Flow", DataArray, Variable)
 DRY_NOTE = (
     "record.fluid_pressure lifts the gap: Q is the leak of the lifted gap, known at the loads of fluid_pressure.at. "
@@ -118,9 +118,13 @@ def _stored(ds: Dataset) -> list[str]:
 
 
 def _at_steps(ds: Dataset, name: str, dry: Variable | None) -> Variable:
-    """Return a lifted flow at the steps whose load is that of a recorded state, missing at the others."""
+    """Return a lifted flow at the steps whose load is that of a recorded state, missing at the others.
+
+    The search for a listed load may end short of the load: the recorded state then belongs to the next step.
+    """
     stored, load, loads = (ds.variables[key] for key in (LIFTED[name], "mean_pressure", f"{STATE}_mean_pressure"))
-    near = (abs(load - loads) <= NEAR * abs(loads)) & (ds.variables["step"] == ds.variables[f"{STATE}_step"])
+    later = ds.variables[f"{STATE}_step"] - ds.variables["step"]
+    near = (abs(load - loads) <= REACHED * abs(loads)) & ((later == 0) | (later == 1))
     values = stored.where(near & stored.notnull()).max(STATE).transpose(*load.dims, "axis")
     values.attrs = ({} if dry is None else dry.attrs) | stored.attrs | {"symbol": QUANTITIES[name].symbol}
     return values
