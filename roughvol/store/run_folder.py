@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 from roughvol.errors import DatasetError, FolderError
 from roughvol.store import stamped_file
 from roughvol.study import Case, Study, check_type
+from roughvol.study.plain_data import STORED_BYTES
 
 LONGEST = 150  # bytes of a part of a file name
 
@@ -102,7 +103,7 @@ def stored_study(folder: Path) -> str | None:
     """Return the text of the study in a folder, None without one."""
     try:
         with (folder / "study.yaml").open("rb") as stream:
-            return stream.read(MAX_BYTES).decode(errors="replace")
+            return stream.read(STORED_BYTES).decode(errors="replace")
     except FileNotFoundError:
         return None
     except OSError as error:

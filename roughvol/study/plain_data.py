@@ -16,6 +16,7 @@ import yaml
 from roughvol.errors import CHANGES, Problem
 
 MAX_BYTES, MAX_DEPTH = 1 << 20, 20
+STORED_BYTES = 1 << 24  # of the study of a run, which has every default and every file of a pattern
 
 TOO_LARGE = f"larger than {MAX_BYTES // 1024} KiB: heights belong in a file of their own (surface.file)"
 
@@ -40,9 +41,9 @@ class Reading:
         self.marks: dict[KeyPath, tuple[int, int]] = {}
         self.problems: dict[KeyPath, str] = {}
 
-    def read(self, text: str) -> dict[str, Any]:
-        """Return the data of a text; raise UnreadableError unless it is a mapping."""
-        if len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
+    def read(self, text: str, most: int = MAX_BYTES) -> dict[str, Any]:
+        """Return the data of a text of at most so many bytes; raise UnreadableError unless it is a mapping."""
+        if len(text.encode("utf-8", "surrogatepass")) > most:
             raise UnreadableError(TOO_LARGE)
         try:
             node = _Loader(text).get_single_node()

@@ -18,6 +18,7 @@ from roughvol.errors import CHANGES, Problem, RoughvolDeprecation, StudyError, w
 from roughvol.study.former import renamed
 from roughvol.study.plain_data import (
     MAX_BYTES,
+    STORED_BYTES,
     TOO_LARGE,
     Arguments,
     KeyPath,
@@ -218,7 +219,7 @@ def _study(
 ) -> Study:
     reading = Reading()
     try:
-        data = reading.read(text)
+        data = reading.read(text, STORED_BYTES if stored or of_run else MAX_BYTES)
     except UnreadableError as error:
         if arguments is not None:
             message = (problems or {}).get((), str(error))  # the data are no mapping

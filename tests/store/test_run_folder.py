@@ -25,6 +25,7 @@ from roughvol.store import dataset, lock, provenance, run_folder, run_status, st
 from roughvol.store.dataset import Dataset
 from roughvol.study import Study, loads
 from roughvol.study import case as one_of_study
+from roughvol.study.plain_data import MAX_BYTES
 from tests.campaign.kit import Events, files_of, values_of
 from tests.kit import call, refused, said
 
@@ -659,3 +660,13 @@ def test_a_file_that_keeps_its_library_for_ever_is_an_error(tmp_path: Path, monk
 
 def hang(*_: Any) -> None:
     time.sleep(600)
+
+
+def test_the_study_of_a_run_is_read_again_whatever_its_size(tmp_path: Path) -> None:
+    begin = "surface: {D: 2.5, m: 2, seeds: 1}\nsweep: {steps: 0}\ncomment: "
+    study = loads(f"{begin}{'x' * (MAX_BYTES - len(begin))}")
+    text = study.stored()
+    assert len(text) > MAX_BYTES  # with every default
+    (tmp_path / "study.yaml").write_text(text)
+    assert run_folder.stored_study(tmp_path) == text
+    assert loads(text, stored=True) == study
