@@ -123,6 +123,7 @@ def test_a_change_of_a_key_is_that_of_the_run_or_an_error() -> None:
         (("compare", "tiny", "othr"), "no results of 'othr': .*; did you mean 'other'?"),
         (("status", "othr"), "no study file and no run: .*; did you mean 'other'?"),
         (("show", "tiny", "--at", "presure=0.5"), "no state 'presure=0.5'; did you mean 'pressure'?"),
+        (("show", "tiny", "--at", "pressure"), "no state 'pressure'; allowed: last, or KIND=VALUE"),
         (("show", "tiny", "--at", "pressure=0.5", "MPa"), r"in quotation marks: 'pressure=0.5 MPa'"),
         (("card", "tiny", "--at", "p=0.3", "MPa", "--at", "p=0.5", "MPa"), "in quotation marks: 'p=0.3 MPa'"),
         (("compare", "tiny", "tiny", "--at", "pressure=0.3", "MPa"), "in quotation marks: 'pressure=0.3 MPa'"),

@@ -168,8 +168,9 @@ def parse(text: str) -> Level:
     name = SYMBOLS.get(name, name)
     kinds = (*STATE_KINDS, "step")
     if not equals or name not in kinds:
+        hint = "" if name in kinds else meant(name, (*kinds, "last"))
         raise DatasetError(
-            f"no state {text!r}{meant(name, (*kinds, 'last'))}; allowed: last, or KIND=VALUE with a KIND of "
+            f"no state {text!r}{hint}; allowed: last, or KIND=VALUE with a KIND of "
             f"{', '.join(kinds)}, as pressure=0.5MPa; then a leg of a path, as pressure=0.5MPa, leg 2"
         )
     kind = STATE_KINDS.get(name, StateKind(name, ""))
