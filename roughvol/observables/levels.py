@@ -38,7 +38,7 @@ def reached(level: Level, step: int, contact: State, case: Case, before: Mapping
     """Return whether a state is at or beyond a level. The last step is at the end of the sweep by definition."""
     if level.leg is not None:
         return before is not None and crossed(level, step, contact, case, before)
-    if is_end(level, step, case):
+    if is_defined(level, step, case):
         return True
     if level.value is None:
         return False
@@ -68,7 +68,7 @@ def crossed(level: Level, step: int, contact: State, case: Case, before: Mapping
     leg = level.leg or 1
     if not ends[leg - 2] < step <= ends[leg - 1]:
         return False
-    if is_end(level, step, case):
+    if is_defined(level, step, case):
         return True
     name, value = STARRED[level.kind].stored, level.value or 0.0
     one, other = before[name] - value, float(getattr(contact, name)) - value
@@ -76,11 +76,19 @@ def crossed(level: Level, step: int, contact: State, case: Case, before: Mapping
     return one * other <= 0.0 or abs(one) <= slack(level.kind, value, ROUNDING) or at_end
 
 
-def is_end(level: Level, step: int, case: Case) -> bool:
-    """Return whether a level is the end of a leg, at its last step; "last" is the end of the last leg."""
-    ends = dict(zip(itertools.accumulate(leg.steps for leg in case.sweep.legs), case.sweep.legs, strict=True))
-    last = level == LAST and step == case.sweep.steps
-    return last or (step in ends and replace(level, leg=None) == ends[step].target)
+def is_defined(level: Level, step: int, case: Case) -> bool:
+    """Return whether a leg defines a level at a step, as its end or a listed state; "last" is the end of the last leg.
+
+    The search for a listed state may end short of it, by less than answers see.
+    """
+    if level == LAST:
+        return step == case.sweep.steps
+    begin = 0
+    for leg in case.sweep.legs:
+        if begin < step <= begin + leg.steps:
+            return leg.step_of(replace(level, leg=None)) == step - begin - 1
+        begin += leg.steps
+    return False
 
 
 def options_of(case: Case, surface: Surface) -> Options:
@@ -181,7 +189,7 @@ def closing(axis: str, step: int, between: Between) -> Contact | None:
     case, surface, half_space, *_, after = between
     level = Level(f"percolation-{axis}")
     if void.stops_percolating(level.kind, within(after, case)):
-        return after if is_end(level, step, case) else at_level(level, between)
+        return after if is_defined(level, step, case) else at_level(level, between)
     if step < case.sweep.legs[0].steps or case.plastic:
         return None
     trials = Trials(surface, half_space, _coarse(options_of(case, surface)))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from roughvol.contact.loading import Compliance, Contact
-from roughvol.observables.levels import Between, at_level, before_touch, closing, is_end, on_legs, reached
+from roughvol.observables.levels import Between, at_level, before_touch, closing, is_defined, on_legs, reached
 from roughvol.observables.own import register
 from roughvol.observables.regions import Values, View, within
 from roughvol.observables.requests import asked, fields_of, value_of
@@ -143,7 +143,7 @@ class Reduction:
 
     def _solved(self, level: Level, step: int, whole: Contact) -> Contact:
         """Return the state at a level between this step and the step before."""
-        if level.value is None or level.kind == "step" or is_end(level, step, self._case):
+        if level.value is None or level.kind == "step" or is_defined(level, step, self._case):
             return whole
         with self._counted():
             return at_level(level, self._between(whole))

@@ -1,5 +1,7 @@
 """States at levels between two steps: they are at the level, hold their own numbers and disturb no step."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -9,8 +11,9 @@ from roughvol.campaign.one_case import run_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve
 from roughvol.observables import reduction
+from roughvol.observables.levels import reached
 from roughvol.observables.regions import within
-from roughvol.study import loads
+from roughvol.study import Level, loads
 from roughvol.surfaces import texture
 from tests.observables.kit import answer
 
@@ -50,6 +53,18 @@ def test_a_state_is_at_its_level(region, solver):
         assert area <= found["contact_area_fraction"] < area + element
         short = solve(surface, half_space, found["indentation"] * (1 - 1e-4), rtol=1e-9)
         assert within(short, case).contact_area_fraction < area
+
+
+@pytest.mark.parametrize(
+    "sweep", ["{pressures: [0.1, 0.2]}", "[{pressures: [0.1, 0.2]}, {steps: 1, to: {pressure: 0.1}}]"]
+)
+def test_a_listed_state_is_its_step_where_the_search_ends_short_of_it(sweep):
+    """The flow recorded at 0.1 was that of the step at 0.2, and missing at 0.1."""
+    (case,) = loads(f"surface: {{D: 2.4, m: 3, seeds: 1}}\nsweep: {sweep}").cases()
+    short = SimpleNamespace(mean_pressure=0.1 * (1.0 - 3e-6))
+    assert reached(Level("pressure", 0.1), 1, short, case)
+    assert not reached(Level("pressure", 0.2), 1, short, case)
+    assert not reached(Level("pressure", 0.11), 1, short, case)
 
 
 def test_what_is_stored_belongs_to_the_state_and_lies_between_the_steps():
