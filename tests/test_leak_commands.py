@@ -46,11 +46,11 @@ def scan(stored: Path, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_stored_sweep_answers_with_a_pressure() -> None:
     asked = said("ask", "scan", "--leak-rate", "< 1e-6 mm^3/s")
     assert "along x: pressure 0.0" in asked
-    assert re.search(r"MPa \(0\.\d+ to 0\.\d+\), between the steps 0\.\d+ and 0\.\d+ MPa", asked)
+    assert re.search(r"MPa \(0\.\d+ to 0\.\d+\), between the known loads 0\.\d+ MPa and 0\.\d+ MPa", asked)
     least = said("ask", "scan", "--leak-rate", "1 m^3/s")
-    assert re.search(r"along x: any pressure of 0\.\d+ MPa or more: the first known step leaks less", least)
+    assert re.search(r"along x: any pressure of 0\.\d+ MPa or more: the first known load leaks less", least)
     asked_for = ("ask", "scan", "--leak-rate", "1 m^3/s", "--for", "modulus", "--at", "pressure=1 kPa")
-    match = re.search(r"any modulus up to E\* = (\S+) MPa: the first known step leaks less, p\* = ", said(*asked_for))
+    match = re.search(r"any modulus up to E\* = (\S+) MPa: the first known load, p\* = ", said(*asked_for))
     assert match
     first = answered(*asked_for)["answers"][0]["nominal_pressure_steps"][1]
     assert float(match[1]) * first == pytest.approx(1e-3 * 10.0 / (1.0 - 0.5**2), rel=1e-3)  # p* of the first step

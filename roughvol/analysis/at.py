@@ -58,7 +58,7 @@ RULE = (
 
 def check_load(study: Study | None, level: Level) -> None:
     """Refuse a load on states of a region, whose share of the load is not known."""
-    if level.kind == "load" and study is not None and study.record.region is not None:
+    if level.kind == "load" and study is not None and study.record.part is not None:
         raise DatasetError(f"{level.label} {LOAD_OF_REGION}")
 
 

@@ -87,7 +87,7 @@ def _same_surfaces(one: Run, other: Run) -> bool:
     """Return whether two runs press the same surfaces, with the same sides and kernel, and observe the same region."""
     unit = one.generated.length_unit if one.generated else None
     pressed = [
-        (made.D, made.m, made.seeds, made.midpoint_law, made.sides, study.kernel(unit), study.record.region)
+        (made.D, made.m, made.seeds, made.midpoint_law, made.sides, study.kernel(unit), study.record.part)
         for run in (one, other)
         if (made := run.generated) and (study := run.study)
     ]

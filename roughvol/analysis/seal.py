@@ -242,7 +242,7 @@ class Patch:
         check_alike(sizes)
         rows, columns = sizes[0]
         along_x = float(run["L"])
-        region = study.record.region
+        region = study.record.part
         sides = (region or Region()).sides(along_x, along_x * columns / rows)
         unit = run.attrs.get("length_unit")
         study.seal.check(sides, unit)
@@ -403,6 +403,6 @@ def surface_of(run: Dataset, region: Region | None) -> Surface:
 
     z, periodic = run["heights"].transpose("x", "y").values, "periodic" in run.attrs
     spacing = float(run["L"]) / intervals(z.shape[0], periodic)
-    if region is None or region.is_whole:
+    if region is None:
         return Surface(z, spacing, sides="periodic" if periodic else "free")
     return Surface(z[regions.window_of(region, z.shape, periodic=periodic)], spacing)

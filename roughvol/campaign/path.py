@@ -144,7 +144,7 @@ class Path:
     def first(self, target: Level) -> float:
         """Return Δ/σ at a state of elastic contact, from first touch."""
         case, surface, half_space = self._case, self._surface, self._half_space
-        in_region = case.record.region is not None and target.kind in ("contact_area", "pressure", "free_volume")
+        in_region = case.record.part is not None and target.kind in ("contact_area", "pressure", "free_volume")
         if in_region or target.kind.startswith("leak_rate"):
             return self._from_touch(target, target_of(target, case, surface))
         if target.kind == "free_volume":

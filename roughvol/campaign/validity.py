@@ -104,7 +104,7 @@ def setting(study: Study) -> Setting:
     scaled = not isinstance(surface, MadeSurface) or bool(surface.Sq or surface.length_unit)
     scaled = scaled or (isinstance(surface, SpectralSurface) and surface.slope is not None)
     asks = record.transport is not None or wanted is not None or unit is not None
-    whole = record.region is None and record.region_widths is None
+    whole = record.part is None and record.region_widths is None
     return Setting(
         modulus=material.contact_modulus,
         unit=unit,

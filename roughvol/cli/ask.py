@@ -130,26 +130,32 @@ def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
     from roughvol.analysis.tables import number, rounded
 
     of_pressure = unknown == "pressure"
-    first, last, both = (_loads(answer, *ends, in_units=of_pressure) for ends in ((0,), (1,), (0, 1)))
-    steps = f"between the steps {both}" if math.isfinite(answer.between[1]) else f"beyond {first}"
+    first, last = (_load(answer, end, in_units=of_pressure) for end in (0, 1))
+    if answer.between[0] == 0.0:
+        steps = f"before the first known load, {last}"
+    elif math.isfinite(answer.between[1]):
+        steps = f"between the known loads {first} and {last}"
+    else:
+        steps = f"beyond {first}"
     of = f", for the leakiest of {answer.surfaces} surfaces ({answer.surface})" if answer.surfaces > 1 else ""
     unit = "" if answer.unit == "1" else f" {answer.unit}"
     name = {"pressure": "pressure" if unit else "p* =", "modulus": "modulus E* =", "Sq": "Sq"}[unknown]
     if answer.nominal.value == 0.0:
-        begin = f"the first known step {'is closed' if closed else 'leaks less'}"
-        every = f" of all {answer.surfaces} surfaces" if answer.surfaces > 1 else ""
+        every = f" on all {answer.surfaces} surfaces" if answer.surfaces > 1 else ""
+        known = f"{'is closed' if closed else 'leaks less'}{every}"
         if of_pressure:
-            return f"any pressure of {last} or more: {begin}{every}; smaller loads are not known"
+            return f"any pressure of {last} or more: the first known load {known}; smaller loads are not known"
         most = f"{'E* = ' if unknown == 'modulus' else ''}{number(answer.low)}{unit}"
-        return f"any {unknown} up to {most}: {begin}{every}, {last}; a larger {unknown} is not known"
+        return f"any {unknown} up to {most}: the first known load, {last}, {known}; a larger {unknown} is not known"
     if not answer.found:
         return f"no {unknown} within the stored loads, up to {first}{of}"
     closes = ", where the last way closes" if answer.nominal.closing else ""
     if closes and not closed and answer.budget is None:
         # the patches of a seal are between two of their steps, so the interval may begin before the step of the seal
         begins = math.isclose(answer.nominal.low, answer.steps[0], rel_tol=1e-6)
-        begin = f"from the last open step, {first}, " if begins else ""
-        closes, steps = "", f"{begin}to the closing of the last way, {last}"
+        open_, closed_ = ("", "") if of_pressure else (f", {first},", f", {last}")  # the ends of the interval
+        begin = f"from the last open step{open_} " if begins else ""
+        closes, steps = "", f"{begin}to the closing of the last way{closed_}"
         text = f"{name} {number(answer.low)} to {number(answer.high)}{unit}"
     elif closes and answer.low < answer.value == answer.high:
         text = f"{name} {number(answer.low)} to {number(answer.high)}{unit}"
@@ -164,13 +170,13 @@ def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
     return ", ".join(filter(None, (text, steps))) + of
 
 
-def _loads(answer: Answer, *ends: int, in_units: bool) -> str:
-    """Return loads of steps around an answer: nominal pressures where the study has units, or p*."""
+def _load(answer: Answer, end: int, *, in_units: bool) -> str:
+    """Return a load beside an answer: a nominal pressure where the study has units, or p*."""
     from roughvol.analysis.tables import number
 
-    in_units = in_units and answer.load_unit != "1"
-    loads = " and ".join(number((answer.steps if in_units else answer.between)[end]) for end in ends)
-    return f"{loads} {answer.load_unit}" if in_units else f"p* = {loads}"
+    if in_units and answer.load_unit != "1":
+        return f"{number(answer.steps[end])} {answer.load_unit}"
+    return f"p* = {number(answer.between[end])}"
 
 
 def _interval(answer: Answer, unknown: str, unit: str) -> str:

@@ -141,7 +141,7 @@ def _curve(series: Series, stored: str, state: Level, case: Case) -> tuple[Array
     free volume of a region at first touch of the whole surface is not known.
     """
     along, quantity = series[stored_name(state.kind)], series[stored]
-    if stored == "free_volume" and case.record.region is not None:
+    if stored == "free_volume" and case.record.part is not None:
         quantity = np.append(math.nan, quantity[1:])
     begins = max(int(np.argmax(along > 0.0)) - 1, 0) if state.kind in ("pressure", "contact_area") else 0
     return along[begins:], quantity[begins:]

@@ -71,16 +71,12 @@ State = Contact | Within
 
 def within(contact: Contact, case: Case) -> State:
     """Return a contact seen in the region of a study; the contact itself where that is the whole surface."""
-    return contact if _is_whole(case) else Within(contact, window(case, contact.shape))
+    return contact if case.record.part is None else Within(contact, window(case, contact.shape))
 
 
 def is_period(case: Case) -> bool:
     """Return whether a study observes one period: a part of it is none."""
-    return case.periodic and _is_whole(case)
-
-
-def _is_whole(case: Case) -> bool:
-    return case.record.region is None or case.record.region.is_whole
+    return case.periodic and case.record.part is None
 
 
 def window(case: Case, shape: tuple[int, int]) -> Window:

@@ -115,8 +115,8 @@ class Needs:
     def _of_model(self, run: ClaimRun) -> Iterable[str]:
         if run.study is None:
             return
-        if run.study.record.region is not None:
-            yield f"observes {run.study.record.region.label}, needs the whole surface"
+        if (part := run.study.record.part) is not None:
+            yield f"observes {part.label}, needs the whole surface"
         if run.study.kernel(run.study.surface.length_unit).lengths:
             yield "presses a layer, needs a half space"
 

@@ -324,7 +324,7 @@ def _units_of_states(study: StudyFile) -> Problems:
     for path, level in (*study.sweep.states(), *study.record.levels(), *of_means):
         if message := level.lacking(study.material.unit, "m" if study.surface.has_length else None):
             yield path, message
-        if level.kind == "load" and study.record.region is not None:
+        if level.kind == "load" and study.record.part is not None:
             yield path, LOAD_OF_REGION
 
 

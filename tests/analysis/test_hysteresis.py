@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from numpy.testing import assert_allclose
 
 import roughvol
 from roughvol.analysis.derived import derived, groups
@@ -78,12 +79,14 @@ def test_a_way_is_closed_on_every_leg_from_its_solved_closing_load_on(tmp_path: 
 
 
 def test_two_runs_are_compared_by_the_leak_of_their_states(tmp_path: Path) -> None:
-    sweep = ("steps: 2, to: {pressure: 0.1 MPa}", "pressures: [0.05 MPa, 0.6 MPa]")
+    sweep = ("steps: 2, to: {pressure: 0.1 MPa}", "pressures: [0.05 MPa, 0.1 MPa, 0.15 MPa, 0.2 MPa]")
     runs = [_made(name, tmp_path, CLOSING, sweep, *hard) for name, hard in {"elastic": (), "metal": (HARD,)}.items()]
     ((compared),) = comparisons(runs)
-    rows = [row for row in compared.rows if row[1].startswith("leak along y")]
-    for p, _, *leaks in rows:
+    found, expected = [], []
+    for p, _, *leaks in (row for row in compared.rows if row[1].startswith("leak along y")):
         for run, leak in zip(runs, leaks, strict=False):
             at = run.dataset.roughvol.at(f"p={p}")
-            flow = (at.transmissivity * at.free_volume**3).sel(axis="y")
-            assert (float(leak) == 0.0) == (float(flow.median()) == 0.0), (run.name, p)
+            found.append(float(leak))
+            expected.append(float((at.transmissivity * at.free_volume**3).sel(axis="y").median()))
+    assert 0.0 == min(expected) < max(expected)
+    assert_allclose(found, expected, rtol=5e-3)  # the load is printed in four digits

@@ -510,13 +510,14 @@ def test_a_solved_closing_load_ends_the_reading(tmp_path: Path) -> None:
         assert "sweep=" in read_off.narrower(ds, answers, closed=False)[1]
     study = loads(text.replace("steps: 20, to: {pressure: 1.2}", "pressures: [9 MPa]"))
     ds = roughvol.run(study, jobs=1, out=tmp_path / "closed")
+    assert "closes, before the first known load, 9 MPa" in said("ask", tmp_path / "closed", "--closed")
     before = [answer.high for answer in roughvol.ask(ds, leak_rate="1e-30 mm^3/s").answers]
     assert before == pytest.approx([answer.value for answer in roughvol.ask(ds).answers])
     folder = tmp_path / listed  # the closing load lies beyond its last step
     printed = said("ask", folder, "--leak-rate", "1e-30 mm^3/s")
-    last, end = answers[1].steps
-    assert f"along y: pressure 0.02 to {answers[1].value:.4g} MPa, from the last open step, {last:.4g} MPa" in printed
-    assert f"to the closing of the last way, {end:.4g} MPa" in printed
+    value, last = answers[1].value, answers[1].steps[0]
+    words = "from the last open step to the closing of the last way"
+    assert f"along y: pressure 0.02 to {value:.4g} MPa, {words}\n" in printed
     assert f"where the last way closes, beyond {last:.4g} MPa" in said("ask", folder, "--closed")
     assert "where the last way closes" in said("ask", folder, "--leak-rate", "1e-30 mm^3/s", "--budget", "--jobs", "1")
 

@@ -152,11 +152,6 @@ class Region(Strict):
         """Region in words, for datasets."""
         return "x/L_x {} to {}, y/L_y {} to {}".format(*map(number_text, (*self.x, *self.y)))
 
-    @property
-    def is_whole(self) -> bool:
-        """Whether the rectangle is the whole surface."""
-        return self.x == self.y == (0.0, 1.0)
-
     def sides(self, along_x: float, along_y: float) -> tuple[float, float]:
         """Return the sides of the rectangle on a surface of these sides."""
         return along_x * (self.x[1] - self.x[0]), along_y * (self.y[1] - self.y[0])
@@ -225,6 +220,11 @@ class Record(Strict):
         "true: levels are taken on every leg of a path, that of a further leg as 'pressure=0.5, leg 2'; "
         "false: on the first leg that reaches them",
     )
+
+    @property
+    def part(self) -> Region | None:
+        """The region that is observed; None where it is the whole surface."""
+        return None if self.region is None or self.region == Region() else self.region
 
     @property
     def leak_rate(self) -> LeakRate | None:
