@@ -26,7 +26,7 @@ from roughvol.study import Level, MadeSurface, SpectralSurface, Study, convert
 from roughvol.study.values.state_kinds import REACHED
 from roughvol.study.values.units import in_unit, unit_of
 from roughvol.surfaces import texture
-from roughvol.surfaces.surface import Surface
+from roughvol.surfaces.surface import Surface, intervals
 from roughvol.typing import Array, Mask
 
 if TYPE_CHECKING:
@@ -157,9 +157,10 @@ def _free_path(fluid: Fluid | None) -> float:
     )
 
 
-def _metres(length: float, unit: str | None) -> float:
-    """Return a length in m; NaN without a unit."""
-    return math.nan if unit is None else convert(length, unit, "m")
+def _longer_side(L: float, nodes: tuple[int, int], unit: str | None, *, periodic: bool) -> float:
+    """Return the longer side of a surface in m; NaN without a unit."""
+    along_x, along_y = (intervals(number, periodic) for number in nodes)
+    return math.nan if unit is None else convert(L * max(1.0, along_y / along_x), unit, "m")
 
 
 def _written(hardness: float | None, unit: str | None) -> str:
@@ -178,7 +179,7 @@ class _States:
     starred: Array  # pressure p*
     deepest: Array  # displacement of the deepest point, in the unit of L
     flow: Mask  # states with a leak rate
-    length: float  # of the surfaces, in m; NaN without a unit
+    length: float  # longer side of the surfaces, in m; NaN without a unit
     peak: float  # highest point above the mean plane over Sq
     slopes: Array  # of the surfaces
     in_contact: float  # mean pressure of the contact over E* at the highest load
@@ -197,7 +198,7 @@ def before(
     Sq: float,
     Sdq: float,
     L: float,
-    unit: str | None = None,
+    length: float = math.nan,
     peak: float = math.nan,
 ) -> list[Finding]:
     """Return the limits that a study will probably exceed at its highest load, with pressures by Persson's theory.
@@ -207,7 +208,8 @@ def before(
         (p/s²) exp(-p²/(2 s²)) with s = Sdq/2, and the mean √(π/2) s = 0.63 Sdq.
 
     ``targets`` are the ends of the legs, and listed states. Sq, Sdq and L are those of the roughest surface, unused if
-    ``given.scaled`` is False. ``unit`` is that of L. ``peak`` is its highest point above the mean plane over Sq.
+    ``given.scaled`` is False. ``length`` is its longer side in m, and ``peak`` its highest point above the mean plane
+    over Sq.
     """
     scale = 0.5 * Sdq if given.scaled else math.nan
     ends = [_end(target, scale, Sq / L) for target in targets if given.scaled]
@@ -224,7 +226,7 @@ def before(
         starred=np.ones((1, 1)),
         deepest=np.array([[max([Sq * _depth(target, peak) for target in targets], default=math.nan)]]),
         flow=np.array([[end > 0.0]]),
-        length=_metres(L, unit),
+        length=length,
         peak=peak,
         slopes=np.array([Sdq]),
         in_contact=math.sqrt(0.5 * math.pi) * scale,
@@ -247,6 +249,8 @@ def after(given: Setting, results: Dataset) -> list[Finding]:
     nominal = starred * np.where(Sq > 0.0, Sq, 1.0) / results["L"].item()
     above = ("contact_above_hardness_fraction", "load_above_hardness_fraction")
     leaks = [results[name].notnull().any("axis") for name in FLOWS if name in results]
+    rows, columns = (int(results[name].max()) if name in results else 2 for name in ("nodes_x", "nodes_y"))
+    unit = results.attrs.get("length_unit")
     central = results["central_pressure_ratio"].values.ravel() if "central_pressure_ratio" in results else np.empty(0)
     with np.errstate(divide="ignore", invalid="ignore"):
         in_contact = np.where(starred > 0.0, nominal / states(results["contact_area_fraction"]), np.nan)
@@ -256,7 +260,7 @@ def after(given: Setting, results: Dataset) -> list[Finding]:
         starred=starred,
         deepest=states(results["indentation"]) * Sq,
         flow=np.any([states(leak) for leak in leaks], axis=0) if leaks else np.zeros(starred.shape, dtype=bool),
-        length=_metres(results["L"].item(), results.attrs.get("length_unit")),
+        length=_longer_side(results["L"].item(), (rows, columns), unit, periodic="periodic" in results.attrs),
         # d/σ + Δ/σ: height of the first touch above the mean plane
         peak=float((results["separation"] + results["indentation"]).max()),
         slopes=results["Sdq"].values.ravel() if given.scaled else np.empty(0),
@@ -288,8 +292,9 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[Finding]:
     given = setting(study)
     if case.sweep.steps == 0:
         return []
+    length = _longer_side(case.L, case.shape, case.length_unit, periodic=case.periodic)
     if not given.scaled:
-        return before(given, [], Sq=math.nan, Sdq=math.nan, L=case.L, unit=case.length_unit)
+        return before(given, [], Sq=math.nan, Sdq=math.nan, L=case.L, length=length)
     size = 1.0
     if isinstance(made, MadeSurface):
         m = min(max(made.m, default=case.m or 0), LOOKED_AT)
@@ -299,7 +304,7 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[Finding]:
     targets = [level for leg in path.starred(case, surface).sweep.legs for level in leg.goals]
     Sdq = size * texture.Sdq(surface.with_neighbours, surface.spacing)
     found = {"Sq": size * surface.Sq, "Sdq": Sdq, "L": surface.side, "peak": surface.peak}
-    return before(given, targets, **found, unit=case.length_unit)
+    return before(given, targets, **found, length=length)
 
 
 def kept(given: Setting, results: Dataset) -> list[Limit]:
@@ -365,7 +370,7 @@ def _of_surfaces(given: Setting, states: _States) -> Iterator[Finding]:
         text = "cannot be compared with the contact pressure: the modulus has no unit"
         yield Finding("pressure_drop", f"pressure_drop {given.drop_text} {text}")
     if LIMITS["free_path"].exceeded(np.array(given.free_path / states.length)):
-        yield _finding("free_path", {"path": f"{given.free_path:.2g}", "length": f"{states.length:.2g}"})
+        yield _finding("free_path", {"path": f"{1e6 * given.free_path:.3g}", "length": f"{1e6 * states.length:.3g}"})
     ratios = states.central[np.isfinite(states.central)]
     if given.patch and ratios.size and (median := np.median(ratios)) < LIMITS["rim"].value:
         cases = f", median of {ratios.size} cases" if ratios.size > 1 else ""

@@ -293,6 +293,15 @@ def test_a_free_path_longer_than_the_surface_is_named(inlet: str, law: str, name
     assert ("free_path" in kept) is (law == "kinetic" and not named)
 
 
+def test_a_free_path_is_compared_with_the_longer_side() -> None:
+    text = f"{RUBBER}sweep: {{steps: 2, to: {{pressure: 0.19 MPa}}}}\n{GAS.format('0.7 mbar', '0 bar')}\n"
+    given, results = validity.setting(loads(text)), _computed(text).assign_attrs(length_unit="um")
+    for nodes, named in ((17, True), (65, False)):
+        found = {one.key: one.sentence for one in validity.after(given, results.assign(nodes_x=17, nodes_y=nodes))}
+        assert ("free_path" in found) == named
+        assert not named or "is 550 um, and the surface 500 um long" in found["free_path"]
+
+
 def test_metal_beyond_the_reach_of_perfect_plasticity_is_named() -> None:
     metal = "surface: {D: 2.3, m: 4, seeds: 1, L: 50 um, Sq: 0.5 um}\nmaterial: {E_star: 78 GPa, hardness: 1 GPa}\n"
     for share, named in ((0.25, False), (0.3, False), (0.31, True), (0.9, True)):
