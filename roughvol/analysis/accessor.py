@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -261,8 +262,10 @@ def _level(state: Load, kind: dict[str, Number], leg: int | None) -> Level:
     """Return the level that the arguments of `Accessor.at` name."""
     if bool(state) + len(kind) != 1:
         raise DatasetError('at takes one level; as at("last"), at(contact_area=0.1) or at(pressure="0.5 MPa")')
+    if leg is not None and not (isinstance(leg, Integral) and leg >= 1):
+        raise DatasetError(f"leg is {leg!r}; allowed: a whole number from 1")
     found = level(state or kind)
-    return found if leg is None else replace(found, leg=level(f"last, leg {leg}").leg)
+    return found if leg is None else replace(found, leg=int(leg))
 
 
 def _labelled(state: states.State) -> Dataset:

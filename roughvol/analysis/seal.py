@@ -50,7 +50,7 @@ from roughvol.surfaces.surface import Surface, intervals
 from roughvol.typing import Array
 
 DRAWS, FEW_DRAWS = 300, 50
-QUICK_ROW = 8  # patches in a row, up to which many states have as many draws as one state: 0.06 s a state
+QUICK_ROW = 8  # patches in a row, up to which many states have as many draws as one state
 ROW, RING = 16, 64  # most patches in a row, and columns of a ring
 SIDE_BY_SIDE = 4096  # rings whose mean is taken at most; a longer seal has the same mean
 ERRORS = 2.0  # standard errors within which x and y are alike

@@ -34,7 +34,7 @@ NARROWS = {
     "roughvol ask seal --closed                                                 where the last way closes",
 )
 @RUN
-@click.option("--leak-rate", metavar="VALUE", help="Largest leak rate with its unit, as '1e-3 mm^3/s'.")
+@click.option("--leak-rate", metavar="VALUE", help="Largest leak, as '1e-3 mm^3/s'; a number has the unit of the run.")
 @click.option("--closed", is_flag=True, help="No open way, in place of a leak rate.")
 @click.option(
     "--for",

@@ -94,7 +94,8 @@ def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
             return whole
         problems[path] = f"must be a finite number, given a whole number of {whole.bit_length()} bits"
         return None
-    if isinstance(number, numbers.Real) or hasattr(number, "as_integer_ratio"):  # a decimal is no Real
+    is_decimal = hasattr(number, "as_integer_ratio") and not isinstance(number, type)  # a decimal is no Real
+    if isinstance(number, numbers.Real) or is_decimal:
         return float(number)
     if isinstance(number, os.PathLike) and isinstance(text := os.fspath(number), str):
         return text
@@ -108,7 +109,8 @@ def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
         return plain(number.tolist(), problems, path)
     if isinstance(number, Sequence) and not isinstance(number, bytes | bytearray | memoryview):
         return [plain(item, problems, (*path, index)) for index, item in enumerate(number)]
-    hint = "; a function has its name here, as module:function" if inspect.isroutine(number) else ""
+    is_code = inspect.isroutine(number) or inspect.isclass(number)
+    hint = "; a function has its name here, as module:function" if is_code else ""
     problems[path] = f"must be {ALLOWED}, given a value of the type {type(number).__name__}{hint}"
     return None
 

@@ -20,8 +20,9 @@ def drawing_of(over_time: History, run: Dataset) -> Drawing:
     bands = {
         axis: (leak.least, leak.most) if several > 1 else (leak.low, leak.high) for axis, leak in over_time.leak.items()
     }
+    known = any(np.isfinite(least + most).any() for least, most in bands.values())
     shown = np.concatenate([*(leak.value for leak in leaks), *(least for least, _ in bands.values())])
-    floor = float(shown[shown > 0.0].min(initial=np.inf))
+    floor = 0.5 * float(shown[shown > 0.0].min(initial=np.inf))  # ends of 0 lie on the lower edge
     with mpl.rc_context(STYLE):
         fig, ax = axes(COLUMN, 2.8)
         for (axis, leak), look, dash in zip(over_time.leak.items(), looks(len(leaks)), DASHES, strict=False):
@@ -34,10 +35,12 @@ def drawing_of(over_time: History, run: Dataset) -> Drawing:
                 first = float(over_time.seconds[closed[0]])
                 ax.axvline(first, ls=":", lw=0.7, color=look["color"], label=f"closed along ${axis}$ from here on")
         ax.set(xscale="log", yscale="log", xlabel="time under load [s]")
+        if np.isfinite(floor):
+            ax.set_ylim(bottom=floor)
         ax.set_ylabel(f"leak [{unit_text(over_time.leak_unit)}]")
         load = f"at {over_time.pressure:.4g} {unit_text(over_time.pressure_unit)}"
-        errors = "errors of leak cards" if over_time.has_errors else "error of the reading"
-        legend(ax, f"{load}; {band_words([several]) or f'band: {errors}'}")
+        errors = f"band: {'errors of leak cards' if over_time.has_errors else 'error of the reading'}"
+        legend(ax, f"{load}; {band_words([several]) or (errors if known else 'its error is not known')}")
         source = f"{origin(run, {'surfaces': [number]})}."
         fig.note(" ".join(filter(None, [source, over_time.seal, *written(run), *fluid_note(run)])))
     return fig

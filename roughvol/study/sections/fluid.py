@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
+from roughvol.errors import meant
 from roughvol.study.sections.strict import Strict, default
 from roughvol.study.values.types import Positive, refuse
 from roughvol.study.values.units import In, Viscosity, convert, counts_substance, in_unit
@@ -74,7 +75,8 @@ def _of_ones_own(value: Any) -> str:
 def _known(value: Any) -> Any:
     if isinstance(value, str) and value not in SUBSTANCES:
         known = f"{', '.join(SUBSTANCES)}, or a mapping as {{viscosity: 18 uPa*s, molar_mass: 29 g/mol}}"
-        refuse("'{gas}' is no known gas; allowed: {known}", gas=value[:40], known=known)
+        near = meant(value, SUBSTANCES)
+        refuse("'{gas}' is no known gas{near}; allowed: {known}", gas=value[:40], near=near, known=known)
     return value
 
 
