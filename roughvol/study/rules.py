@@ -354,6 +354,11 @@ def _path(study: StudyFile) -> Problems:
     for path, leg in legs:
         if leg.equal == "log pressure" and (leg.steps == 0 or _unloaded(leg.target)):
             yield (*path, "equal"), "equal ratios of pressure need steps, and an end > 0"
+    (path, leg), *_ = legs
+    if leg.first is not None and leg.steps > 1 and leg.target.kind == "pressure":
+        unit, last = unit_of(leg.first), leg.target.value or 0.0
+        if (unit_of(last) is None) == (unit is None) and not in_unit(leg.first, unit) < in_unit(last, unit):
+            yield (*path, "first"), "must be below the pressure of the last step"
     if not several:
         return
     if study.ensemble is not None:

@@ -190,11 +190,6 @@ class Sweep(Strict):
             _check_order(self.listed, either=isinstance(self, Leg))
         if self.first is not None and self.equal != "log pressure":
             refuse("'first' needs equal: log pressure")
-        if self.first is not None and self.steps > 1 and self.target.kind == "pressure":
-            unit, last = unit_of(self.first), self.target.value or 0.0
-            alike = (unit_of(last) is None) == (unit is None)
-            if alike and not in_unit(self.first, unit) < in_unit(last, unit):
-                refuse_at(("first",), text_of(self.first), "must be below the pressure of the last step")
         return self
 
     @model_serializer(mode="wrap")
