@@ -120,7 +120,7 @@ def _stored(ds: Dataset) -> list[str]:
 def _at_steps(ds: Dataset, name: str, dry: Variable | None) -> Variable:
     """Return a lifted flow at the steps whose load is that of a recorded state, missing at the others.
 
-    The search for a listed load may end short of the load: the recorded state then belongs to the next step.
+    Older runs may have the recorded state at the next step, where the search for a listed load ended short of it.
     """
     stored, load, loads = (ds.variables[key] for key in (LIFTED[name], "mean_pressure", f"{STATE}_mean_pressure"))
     later = ds.variables[f"{STATE}_step"] - ds.variables["step"]

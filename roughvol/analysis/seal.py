@@ -14,9 +14,9 @@ of one scan, are no further scans: their mean is one number.
 are missing there. Without a roll-off the longest waves are the highest: no patch is representative, and the interval is
 not known (`is_representative`).
 
-**x and y.** Where surfaces are made alike along x and y, or the mean logarithm of x over y lies within two standard
-errors of 0, a patch is turned as well as it lies: both numbers are drawn for both directions. Two patches more are
-worth less than a bias, so this is no test at 95 % for few scans.
+**x and y.** A patch is turned as well as it lies where x and y are alike: both numbers are drawn for both directions.
+They are alike where surfaces are made so, or the mean logarithm of x over y lies within two standard errors of 0. Two
+patches more are worth less than a bias, so this is no test at 95 % for few scans.
 
 **Closed patches** conduct nothing in a draw. The interval then begins at 0. It ends at what follows if a closed patch
 conducts as much as the poorest open patch.

@@ -185,7 +185,7 @@ class Batch:
     ) -> None:
         self._folder, self._study, self._kept, self._control = folder, study, kept, control
         self._surface = surface if alone else None
-        works = {case.id: expected_seconds(case, case.shape) for case in cases}
+        works = {case.id: expected_seconds(case) for case in cases}
         self._steps = {case.id: case.sweep.steps for case in cases}
         self._forecast = Forecast(works, self._steps, later)
         self._expected = sum(works.values())

@@ -86,7 +86,7 @@ def _check_shape(case: Case) -> None:
     except ContactError as error:
         words = f"{error}; the spacing is {spacing:.6g} {case.length_unit or ''}".rstrip()
         raise StudyError([Problem(words, "material.thickness")]) from error
-    regions.check(case, case.shape)
+    regions.check(case)
 
 
 def _read_apart(study: Study, files: Sequence[Path]) -> Surface:

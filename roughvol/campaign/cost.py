@@ -176,9 +176,9 @@ def _estimate(cases: Sequence[Case], jobs: int | None) -> Estimate:
     observables: Counter[str] = Counter()
     for case, number in alike:
         convolution = seconds_per_convolution(case.shape, case.sides) if case.sweep.steps > 0 else 0.0
-        seconds = expected_seconds(case, case.shape, convolution)
+        seconds = expected_seconds(case, convolution)
         longest, together = max(longest, seconds), together + number * seconds
-        observables.update({name: number * taken for name, taken in observable_seconds(case, case.shape).items()})
+        observables.update({name: number * taken for name, taken in observable_seconds(case).items()})
     return Estimate(
         cases=len(cases),
         steps=sum(case.sweep.steps for case in cases),

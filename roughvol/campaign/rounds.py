@@ -74,8 +74,7 @@ class Rounds:
         seconds = 0.0
         for D, goal in design.goal.items():
             for m, number in goal.items():
-                case = self._study.sample(D, m, 0)
-                each = cost.expected_seconds(case, case.shape)
+                each = cost.expected_seconds(self._study.sample(D, m, 0))
                 seconds += max(number - design.counts[D].get(m, 0), 0) * each
         return seconds
 

@@ -39,40 +39,41 @@ FLOW = 4e-3  # seconds of the flows of a state beside those of their nodes
 SURFACE_M, SURFACE = 6, 6.0e-4  # m of a surface without a solve, and its seconds
 
 
-def expected_seconds(case: Case, shape: tuple[int, int], convolution: float | None = None) -> float:
+def expected_seconds(case: Case, convolution: float | None = None) -> float:
     """Return the expected seconds of a case; a convolution on its grid is modelled unless it was timed."""
     if case.sweep.steps == 0:
         return CASE
+    shape = case.shape
     if convolution is None:
         nodes = math.prod(shape)
         convolution = CALL + NODE * nodes * math.log(nodes) / 2.0
     tolerance = case.solver.tolerance
     seconds, largest, longer = 0.0, 0.0, PERIODIC if case.sides == "periodic" else 1.0
     for number, leg in enumerate(case.sweep.legs):
-        largest = max(largest, expected_area(leg.target, case, shape))
+        largest = max(largest, expected_area(leg.target, case))
         seconds += leg.steps * seconds_per_step(shape, tolerance, convolution, largest, leg.steps)
         searched = LEVEL * searches(leg, case)
         if number == 0 and searched > 0:
             searched += (longer * CLOSING if leg.target.kind.startswith("percolation") else SEARCH) - LEVEL
         seconds += searched * seconds_per_step(shape, tolerance, convolution, largest, SETTLED)
-    closed = expected_area(case.sweep.legs[0].target, case, shape) >= CLOSED
+    closed = expected_area(case.sweep.legs[0].target, case) >= CLOSED
     for level in searched_levels(case):
-        area, searched = expected_area(level, case, shape), LEVEL
+        area, searched = expected_area(level, case), LEVEL
         if level.kind == "percolation":
             searched = longer * (LEVEL if closed else BEYOND)
         seconds += searched * seconds_per_step(shape, tolerance, convolution, area, SETTLED)
     seconds *= YIELDING if case.plastic else 1.0
-    return CASE + sum(observable_seconds(case, shape).values()) + seconds
+    return CASE + sum(observable_seconds(case).values()) + seconds
 
 
 def sample_seconds(case: Case, convolutions: float) -> float:
     """Return the modelled seconds of a sample from its convolutions, counted in double precision."""
     assert case.m is not None
-    nodes, steps = 2**case.m + 1, case.sweep.steps
+    nodes, steps = case.shape[0], case.sweep.steps
     step = SAMPLE_STEP + ITERATIVE * (case.m > ITERATIVE_ABOVE)
     swept = step * steps + NODE * nodes**2 * math.log(nodes) * convolutions
     searched = 1.0 + SAMPLE_SEARCH * sum(searches(leg, case) for leg in case.sweep.legs) / max(steps, 1)
-    return SAMPLE + searched * swept + sum(observable_seconds(case, (nodes, nodes)).values())
+    return SAMPLE + searched * swept + sum(observable_seconds(case).values())
 
 
 def seconds_per_step(shape: tuple[int, int], rtol: float, convolution: float, area: float, steps: int) -> float:
@@ -88,7 +89,7 @@ def convolutions_per_step(shape: tuple[int, int], rtol: float, area: float, step
     return 1.0 + digits * NEAR * iterated / (1.0 + NEAR * reach / MOST)
 
 
-def expected_area(level: Level, case: Case, shape: tuple[int, int]) -> float:
+def expected_area(level: Level, case: Case) -> float:
     """Return the contact area fraction to expect at the end of a leg; of an unknown scale that of a light load."""
     kind, value = level.kind, level.value or 0.0
     if kind.startswith(("percolation", "leak_rate")):
@@ -105,7 +106,7 @@ def expected_area(level: Level, case: Case, shape: tuple[int, int]) -> float:
     plane = planes.get(kind, 0.0)
     if kind == "free_volume" or (case.endless and kind != "pressure"):
         return math.exp(-VOLUME * max(plane, 0.0))
-    flat = AREA * AREA_POWER ** (_level(shape) - 4.0)
+    flat = AREA * AREA_POWER ** (_level(case.shape) - 4.0)
     return min(flat * (value / PRESSURE if kind == "pressure" else max(1.0 - plane, LEAST)), 1.0)
 
 
@@ -116,12 +117,12 @@ def searches(leg: Sweep, case: Case) -> int:
     return sum(case.endless or level.searched for level in levels)
 
 
-def observable_seconds(case: Case, shape: tuple[int, int]) -> dict[str, float]:
+def observable_seconds(case: Case) -> dict[str, float]:
     """Return the seconds of each observable of a case, all its states together."""
     seconds = {}
     for name, levels in timed(case.record).items():
         row = OBSERVABLES[name]
-        nodes = [math.prod(shape) * share for share in passes(row, case.record)]
+        nodes = [math.prod(case.shape) * share for share in passes(row, case.record)]
         count = case.sweep.steps if levels is None else len(levels)
         seconds[name] = count * sum(row.seconds * n + FLOW * row.flow * row.parts for n in nodes)
     return seconds

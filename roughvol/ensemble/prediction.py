@@ -65,7 +65,7 @@ class Prediction:
         table, levels = self._table, self._levels
         alone, first, solved = table.alone(D), list(pilot(levels).values()), len(table.levels)
         costs = table.costs(D)
-        modelled = [cost.expected_seconds(table.study.sample(D, m, 0), (2**m + 1,) * 2) for m in levels]
+        modelled = [cost.expected_seconds(table.study.sample(D, m, 0)) for m in levels]
         costs += [each * costs[-1] / modelled[solved - 1] for each in modelled[solved:]]
         counts, surfaces, plain = list(first), 0, costs[-1]
         for number, target in enumerate(table.targets):

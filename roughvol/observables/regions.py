@@ -99,7 +99,7 @@ def window_of(region: Region, shape: tuple[int, int], *, periodic: bool = False)
     return slices[0], slices[1]
 
 
-def check(case: Case, shape: tuple[int, int]) -> None:
+def check(case: Case) -> None:
     """Refuse a study whose regions hold too few elements of its surface, by a `StudyError`."""
     widths, least = case.record.region_widths, 3 if case.record.psd is not None else 2
     asked = [] if case.record.region is None else [("record.region", case.record.region)]
@@ -108,7 +108,7 @@ def check(case: Case, shape: tuple[int, int]) -> None:
     problems = []
     for key, region in asked:
         try:
-            inside = window_of(region, shape, periodic=case.periodic)
+            inside = window_of(region, case.shape, periodic=case.periodic)
         except ContactError as error:
             problems.append(Problem(str(error), key))
             continue

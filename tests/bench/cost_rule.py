@@ -61,11 +61,11 @@ def main() -> int:
             case = loads(text).cases()[0]
             with threadpool_limits(1):
                 stepped, searched, whole, area = measure(text, context)
-            expected = cost.expected_area(case.sweep.target, case, shape)
+            expected = cost.expected_area(case.sweep.target, case)
             rule = cost.convolutions_per_step(shape, case.solver.tolerance, expected, steps)
             settled = cost.seconds_per_step(shape, case.solver.tolerance, convolution, expected, cost.SETTLED)
             number = cost.CLOSING if end == "percolation" else cost.SEARCH * cost.searches(case.sweep, case)
-            ratios.append(cost.expected_seconds(case, shape, convolution) / (whole + cost.CASE))
+            ratios.append(cost.expected_seconds(case, convolution) / (whole + cost.CASE))
             print(
                 f"{m}  {D}  {end:20s} {steps:4d}  {area:.3f}  {expected:.3f}"
                 f"  {(stepped / steps - cost.STEP) / convolution:6.1f} {rule:6.1f}"

@@ -105,7 +105,7 @@ MEASURED = [  # m, sweep, convolutions of the grid that take the time of a step 
 def test_steps_cost_as_measured(m: int, sweep: str, measured: float) -> None:
     """Steps far beyond the mean plane were stated at a tenth of their seconds."""
     case, shape = case_of(f"surface: {{D: 2.3, m: {m}}}\nsweep: {sweep}"), (2**m + 1, 2**m + 1)
-    area = expected_area(case.sweep.target, case, shape)
+    area = expected_area(case.sweep.target, case)
     assert measured / 2 <= convolutions_per_step(shape, 1e-6, area, case.sweep.steps) <= 2 * measured
 
 
@@ -114,7 +114,7 @@ def test_a_load_in_mpa_on_heights_of_unknown_scale_is_no_full_contact(sides: str
     """Scans under a light load were stated at three times their seconds."""
     spectral = f"surface: {{H: 0.8, n: 256, L: 100 um, Sq: 1 um, sides: {sides}}}\nmaterial: {{E_star: 1 GPa}}\n"
     case = case_of(spectral + "sweep: {steps: 9, to: {pressure: 2 MPa}}")
-    assert 0.01 < expected_area(case.sweep.target, case, (256, 256)) < 0.2
+    assert 0.01 < expected_area(case.sweep.target, case) < 0.2
 
 
 @pytest.mark.parametrize("target", ["{contact_area: 0.06}", "{pressure: 1}"])
@@ -129,7 +129,7 @@ def test_a_search_costs_less_than_a_sweep_of_sixty_steps(target: str) -> None:
 
 def test_work_grows_with_grid_searches_and_observables() -> None:
     def total(text: str, m: int = 7) -> float:
-        return expected_seconds(case_of(f"surface: {{D: 2.3, m: {m}}}\n{text}"), (2**m + 1, 2**m + 1))
+        return expected_seconds(case_of(f"surface: {{D: 2.3, m: {m}}}\n{text}"))
 
     plain = total("sweep: {steps: 20}")
     assert total("sweep: {steps: 40}") > plain
@@ -156,12 +156,8 @@ def test_closing_loads_cost_as_measured(sides: str, pressure: float, closing: fl
     text = f"surface: {{D: 2.2, m: 8, L: 100 um, Sq: 0.5 um, seeds: 1, sides: {sides}}}\nmaterial: {{E_star: 10 MPa}}\n"
     text += f"sweep: {{steps: 10, to: {{pressure: {pressure} MPa}}}}\n"
     text += "record: {transport: {percolation: every-step, closing: CLOSING}}"
-    nodes = 256 if sides == "periodic" else 257
     convolution = {"free": 1.19e-3, "mirrored": 2.22e-3, "periodic": 0.62e-3}[sides]
-    found = [
-        expected_seconds(case_of(text.replace("CLOSING", given)), (nodes, nodes), convolution)
-        for given in ("true", "false")
-    ]
+    found = [expected_seconds(case_of(text.replace("CLOSING", given)), convolution) for given in ("true", "false")]
     assert closing / 1.5 <= found[0] <= 1.5 * closing
     assert without / 1.5 <= found[1] <= 1.5 * without
 

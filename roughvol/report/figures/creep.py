@@ -20,7 +20,7 @@ def drawing_of(over_time: History, run: Dataset) -> Drawing:
     bands = {
         axis: (leak.least, leak.most) if several > 1 else (leak.low, leak.high) for axis, leak in over_time.leak.items()
     }
-    known = any(np.isfinite(least + most).any() for least, most in bands.values())
+    known = np.concatenate([np.isfinite(least + most) for least, most in bands.values()])
     shown = np.concatenate([*(leak.value for leak in leaks), *(least for least, _ in bands.values())])
     floor = 0.5 * float(shown[shown > 0.0].min(initial=np.inf))  # ends of 0 lie on the lower edge
     with mpl.rc_context(STYLE):
@@ -39,8 +39,9 @@ def drawing_of(over_time: History, run: Dataset) -> Drawing:
             ax.set_ylim(bottom=floor)
         ax.set_ylabel(f"leak [{unit_text(over_time.leak_unit)}]")
         load = f"at {over_time.pressure:.4g} {unit_text(over_time.pressure_unit)}"
-        errors = f"band: {'errors of leak cards' if over_time.has_errors else 'error of the reading'}"
-        legend(ax, f"{load}; {band_words([several]) or (errors if known else 'its error is not known')}")
+        errors = "errors of leak cards" if over_time.has_errors else "error of the reading"
+        errors = f"band: {errors}{'' if known.all() else ', where known'}" if known.any() else "its error is not known"
+        legend(ax, f"{load}; {band_words([several]) or errors}")
         source = f"{origin(run, {'surfaces': [number]})}."
         fig.note(" ".join(filter(None, [source, over_time.seal, *written(run), *fluid_note(run)])))
     return fig
