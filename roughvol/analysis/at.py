@@ -1,11 +1,12 @@
 """The states of stored surfaces at a load, on a step or between two steps.
 
-A later leg begins at the last step of the leg before. Between two steps, a number lies on the straight line over the
-quantity of the level; a leak rate, a flow or an opening on the straight line of its logarithm. A way that closes
-between two steps is open up to the second step, and its flow lies on the straight line to 0 there. Where a study has
-its closing load solved, the way is open up to this load. Its flow and opening then fall to 0 there on a straight line
-over p*. Counts are those of the step beyond. A state that a study records is the state solved for it; before the first
-step it has the numbers recorded for it alone.
+A later leg begins at the last step of the leg before. Between two steps, a number lies on the monotone cubic of
+`at_state` over the quantity of the level. A leak rate, a flow or an opening has the cubic of its logarithm, at a load
+over the logarithm of the load: so it is the reading of `leak_curve`. A way that closes between two steps is open up to
+the second step, and its flow lies on the straight line to 0 there. Where a study has its closing load solved, the way
+is open up to this load. Its flow and opening then fall to 0 there on a straight line over p*. Counts are those of the
+step beyond. A state that a study records is the state solved for it; before the first step it has the numbers recorded
+for it alone.
 
 A step that misses a level by less than `level.REACHED` is the level. A sweep that ended at a target has reached this
 target, and a listed load is the step solved for it. A surface whose sweep ended before a higher load is closed there if
@@ -30,10 +31,11 @@ from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
 from roughvol.analysis.units import scales
 from roughvol.errors import DatasetError
+from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES, OF_STATE, SOLVED, STATES, VARIABLES
 from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, Study, convert, parse
 from roughvol.study.values.state_kinds import LOAD_OF_REGION, REACHED, slack
-from roughvol.typing import Array
+from roughvol.typing import Array, Mask
 
 P, V = "mean_pressure", "free_volume"
 BY_LOGARITHM = (
@@ -50,8 +52,9 @@ WAYS = ("open", "percolates")  # a way that closes between two steps is closed f
 # in units, of starred numbers
 MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V, "mean_plane_separation": "separation"}
 LEAK = "leak_rate"
+LOADS = ("pressure", "load")  # kinds of levels
 RULE = (
-    "Between steps: straight lines over the quantity asked for, of the logarithm for flows and openings. A way that "
+    "Between steps: monotone cubics over the quantity asked for, in logarithms for flows and openings. A way that "
     "closes between two steps leaks along a straight line to 0 at the second, or at its closing load if it is solved."
 )
 
@@ -84,8 +87,12 @@ def place_of(values: Array, value: float, slack: float, *, between: bool = True)
     return None
 
 
-def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
-    """Return the numbers along ``seed`` of surfaces, by index, at positions on the axis ``step``."""
+def between(group: Dataset, seeds: list[int], places: list[float], over: Array, is_load: Mask) -> Dataset:
+    """Return the numbers along ``seed`` of surfaces, by index, at positions on the axis ``step``.
+
+    ``over`` is the quantity of the level (surfaces, steps), NaN off the leg. Where it ``is_load`` (surfaces,), flows
+    follow its logarithm.
+    """
     rows = np.array(seeds, dtype=int)
     low, high = np.floor(places).astype(int), np.ceil(places).astype(int)
     between_steps = np.array(places) - low
@@ -107,17 +114,42 @@ def between(group: Dataset, seeds: list[int], places: list[float]) -> Dataset:
         if (row is None or row.kind == "real") and not key.startswith("open") and array.dtype.kind == "f":
             with np.errstate(invalid="ignore"):  # between two infinite numbers, as of Knudsen where no way is open
                 mixed = np.where(before == after, before, before + share * (after - before))
-            if key.startswith(BY_LOGARITHM):
-                positive = (before > 0.0) & (after > 0.0)
-                one, other = np.where(positive, before, 1.0), np.where(positive, after, 1.0)
-                mixed = np.where(positive, one * (other / one) ** share, mixed)  # a straight line to a closed step
-            after = np.where(share == 0.0, before, mixed)
+            is_flow = key.startswith(BY_LOGARITHM)
+            curved = _curved(array[rows], over[rows], places, logarithm=is_flow, both=is_flow & is_load[rows])
+            after = np.where(share == 0.0, before, np.where(np.isfinite(curved), curved, mixed))
         elif key.startswith(WAYS):
             after = np.where(share == 0.0, before, np.fmax(before, after))
         values[str(name)] = (("seed", *along), after, variable.attrs)
     others = [name for name in group.coords if group.variables[name].dims not in ((), ("seed",), ("axis",))]
     # labels keep their index: for a new index xarray imports pint
     return group.coords.to_dataset().drop_vars(others).isel({"seed": rows}, missing_dims="ignore").assign(values)
+
+
+def _curved(values: Array, over: Array, places: list[float], *, logarithm: bool, both: Mask) -> Array:
+    """Return numbers (surfaces, steps, …) at places on monotone cubics; NaN on a step, and beside a step without them.
+
+    A cubic follows the two steps around the place, and the next step on each side where the quantity goes on alike. It
+    is of the ``logarithm`` of the numbers, with ``both`` over the logarithm of a quantity > 0.
+    """
+    found = np.full((values.shape[0], *values.shape[2:]), np.nan)
+    for k, place in enumerate(places):
+        low, high = math.floor(place), math.ceil(place)
+        advance = over[k, high] - over[k, low]
+        if low == high or not math.isfinite(advance):
+            continue
+        begin = low - int(low > 0 and (over[k, low] - over[k, low - 1]) * advance > 0.0)
+        end = high + 1 + int(high + 1 < over.shape[1] and (over[k, high + 1] - over[k, high]) * advance > 0.0)
+        x, at = over[k, begin:end], over[k, low] + (place - low) * advance
+        if both[k] and (x > 0.0).all():
+            x, at = np.log(x), math.log(at)
+        for column in np.ndindex(values.shape[2:]):
+            numbers = values[(k, slice(begin, end), *column)]
+            with np.errstate(divide="ignore", invalid="ignore"):  # beside a closed step
+                y = np.log(numbers) if logarithm else numbers
+            if np.isfinite(y[low - begin : high + 1 - begin]).all():
+                read = float(at_state(x, y, at)[0])
+                found[(k, *column)] = math.exp(read) if logarithm else read
+    return found
 
 
 @dataclass(frozen=True)
@@ -201,10 +233,13 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     own = _recorded(group, level, recorded, steps)
     flows = {} if level.kind == "last" else leak.recorded(group, recorded, steps)
     shut, crossings = leak.closed(part), _crossings(group, leg)
-    beyond_closing = leg == 1 and level.kind in ("pressure", "load")
+    beyond_closing = leg == 1 and level.kind in LOADS
     reached, places, beyond, alone = list[int](), list[float](), list[int](), list[int]()
+    over = np.full((group.sizes["seed"], group.sizes["step"]), math.nan)
+    is_load = np.full(group.sizes["seed"], level.kind in LOADS)
     for k, scale in enumerate(scales(run, group)):
         values, value, near = _path(run, part, k, level, scale, reach)
+        over[k, offset : offset + values.size] = values
         solved = np.flatnonzero(np.isfinite(values))
         if not solved.size:
             continue
@@ -217,6 +252,8 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
             place = place_of(values, value, near, between=level.kind != "step")
         if place is None and level.kind.startswith(LEAK):
             place = _beside_closed(run, part, k, level, crossings[k])
+            over[k, offset : offset + values.size] = part.variables[P].transpose("seed", "step").values[k]
+            is_load[k] = True
         first = values[solved[0]]
         if place is None and is_recorded and (value > first if STATE_KINDS[level.kind].falls else value < first):
             place = float(solved[0])
@@ -230,7 +267,7 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
             beyond += [k] if shut[k].any() else []
     if not reached and not beyond:
         return None
-    data = between(group, reached + beyond, [*places, *[float(offset)] * len(beyond)])
+    data = between(group, reached + beyond, [*places, *[float(offset)] * len(beyond)], over, is_load)
     if np.isfinite(crossings).any():
         _close_where_solved(data, group, reached, places, own, crossings[reached])
     _empty(data, group, alone)

@@ -22,7 +22,7 @@ from roughvol.cli.output import say, say_numbers, say_parts, say_table, warn, wa
 def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool, changes: tuple[str, ...]) -> None:
     """Print the numbers of RUN: a folder, a study.nc, a study file, or a name under runs/ [default: the latest].
 
-    Between two steps, numbers lie on straight lines over the quantity asked for; flows and openings on those of their
+    Between two steps, numbers lie on monotone cubics over the quantity asked for; flows and openings on those of their
     logarithms. A state beyond the steps is an error. Several surfaces are shown by their mean; --csv and --json have
     each of them. An ensemble has its means last. `roughvol explain NAME` describes a column.
     """

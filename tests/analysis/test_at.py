@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.interpolate import PchipInterpolator
 from xarray import Dataset
 
 import roughvol
@@ -16,7 +17,9 @@ from roughvol.analysis.at import at, between, place_of
 from roughvol.analysis.average import average, averages, is_flow
 from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.leak import counted, is_lifted
+from roughvol.analysis.leak_curve import curves
 from roughvol.analysis.legs import first_leg
+from roughvol.analysis.read_off import checked
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
 from roughvol.errors import DatasetError
@@ -120,8 +123,11 @@ def test_a_later_leg_begins_where_the_leg_before_ends(leg: int, share: float) ->
     turn, after = (ds["mean_pressure"].values[0, step] for step in (first - 1, first))
     load = turn + share * (after - turn)
     state = at(run, ds, Level("pressure", load, leg))
-    ends = ds["free_volume"].values[0, first - 1 : first + 1]
-    assert float(state.data["free_volume"][0]) == pytest.approx(ends[0] + share * (ends[1] - ends[0]), rel=1e-9)
+    path = np.append(first - 1, np.flatnonzero(ds["leg"].values == leg))
+    p, volume = (ds[name].values[0, path] for name in ("mean_pressure", "free_volume"))
+    sign = 1.0 if after > turn else -1.0
+    expected = float(PchipInterpolator(sign * p, volume)(sign * load))
+    assert float(state.data["free_volume"][0]) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -265,6 +271,22 @@ def test_averages_of_a_dataset_are_those_of_its_variables() -> None:
         assert int(means[f"{name}_count"]) == one.count
 
 
+def test_the_leak_at_a_load_is_the_reading_of_the_leak_curve() -> None:
+    """On steps, between them, beside a closing, and beyond."""
+    run = checked(_run("seal").dataset.roughvol.derived())
+    loads = np.geomspace(*(float(run.nominal_pressure.isel(step=step).max()) for step in (0, -1)), 23)
+    found = [_run("seal").dataset.roughvol.at(pressure=f"{load:.15g} MPa").leak_rate.squeeze() for load in loads]
+    compared = 0
+    for axis, each in curves(run).items():
+        for k, curve in enumerate(each):
+            read = curve.at(loads).value
+            leaks = np.array([float(leak.sel(axis=axis)[k]) for leak in found])
+            known = np.isfinite(read) & np.isfinite(leaks)
+            assert_allclose(leaks[known], read[known], rtol=1e-9)
+            compared += int(known.sum())
+    assert compared > 60
+
+
 def test_a_place_lies_between_two_steps_or_on_one() -> None:
     values = np.array([0.0, np.nan, 1.0, 3.0])
     assert place_of(values, 1.0 + 1e-9, 1e-6) == 2.0
@@ -272,7 +294,7 @@ def test_a_place_lies_between_two_steps_or_on_one() -> None:
     assert place_of(values, 2.0, 1e-6, between=False) is None
     assert place_of(values, 4.0, 1e-6) is None
     group = Dataset({"free_volume": (("seed", "step"), values[np.newaxis])}, coords={"step": [1, 2, 3, 4]})
-    assert float(between(group, [0], [2.5])["free_volume"][0]) == 2.0
+    assert float(between(group, [0], [2.5], values[np.newaxis], np.array([False]))["free_volume"][0]) == 2.0
 
 
 @pytest.mark.parametrize("pressure", ["0.01 MPa", "0.035 MPa"])

@@ -6,9 +6,10 @@ Conventions, as the pages state them:
   quantities: the mean over the surfaces that have a value.
 - Under fluid pressure the leak is ``fluid_leak_rate_*`` at the load of a recorded state. The leak along the steps is
   named dry.
-- Between two steps: straight lines over the quantity asked for, of the logarithm for flows and openings where both
-  steps are open. A way is open up to the first closed step; counts are those of the step beyond. A step that misses a
-  load by less than 1e-5 is this load.
+- Between two steps: monotone cubics over the quantity asked for. Those of flows and openings are of the logarithm, at a
+  load over its logarithm, where both steps are open; else straight lines. A later leg begins at the end of the leg
+  before. A way is open up to the first closed step; counts are those of the step beyond. A step that misses a load by
+  less than 1e-5 is this load.
 - A surface whose sweep ended closed along an axis is closed at every higher load: flow 0, no other number.
 """
 
@@ -21,10 +22,11 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
+from scipy.interpolate import PchipInterpolator
 
 REACHED = 1e-5
 FLOWS = ("leak_rate", "gas_leak_rate", "transmissivity", "gas_transmissivity")
-STRAIGHT_IN_LOG = (*FLOWS, "diffusivity", "critical_gap", "critical_opening")
+BY_LOGARITHM = (*FLOWS, "diffusivity", "critical_gap", "critical_opening")
 COUNTED = ("contact_clusters", "trapped_pockets", "iterations", "converged")
 LOADS = {  # kind of a load: its number, and the factors to the unit of the studies (MPa, um, mN)
     "pressure": ("nominal_pressure", {"MPa": 1.0, "kPa": 1e-3, "bar": 0.1}),
@@ -225,6 +227,7 @@ def _on_path(surface: Surface, name: str, value: float, leg: int | None) -> dict
     p = surface.along["mean_pressure"]
     for own in [leg] if leg else dict.fromkeys(surface.legs.tolist()):
         on = np.flatnonzero((surface.legs == own) & np.isfinite(p))
+        on = np.append(on[:1] - 1, on) if on[0] > 0 else on
         x = surface.along[name][on]
         near = np.flatnonzero(np.abs(x - value) <= REACHED * max(abs(value), 1.0 if name == "separation" else 0.0))
         if near.size:
@@ -232,23 +235,32 @@ def _on_path(surface: Surface, name: str, value: float, leg: int | None) -> dict
         inside = np.flatnonzero((np.minimum(x[:-1], x[1:]) < value) & (value < np.maximum(x[:-1], x[1:])))
         if inside.size:
             k = inside[0]
-            share = (value - x[k]) / (x[k + 1] - x[k])
-            return {n: _between(n, v[on[k]], v[on[k + 1]], share) for n, v in surface.along.items()}
+            return {n: _between(n, name, x, v[on], int(k), value) for n, v in surface.along.items()}
         if beyond := _beyond(surface, on, x, value):
             return beyond
     return None
 
 
-def _between(name: str, low: float, high: float, share: float) -> float:
+def _between(name: str, over: str, x: np.ndarray, numbers: np.ndarray, k: int, value: float) -> float:
+    """Return a number between the steps k and k + 1 of a path over x."""
+    low, high = float(numbers[k]), float(numbers[k + 1])
     if math.isnan(low):
         return low
     if name.startswith(("percolates", "open")):
         return max(low, high)
     if name.startswith(COUNTED):
-        return float(high)
-    if name.startswith(STRAIGHT_IN_LOG) and low > 0.0 and high > 0.0:
-        return float(low ** (1.0 - share) * high**share)
-    return float(low + share * (high - low))
+        return high
+    logarithm = name.startswith(BY_LOGARITHM)
+    if math.isfinite(high) and (not logarithm or min(low, high) > 0.0):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            y = np.log(numbers) if logarithm else np.asarray(numbers, dtype=float)
+        if logarithm and over in ("mean_pressure", "nominal_pressure", "load"):
+            x, value = np.log(x), math.log(value)
+        known = np.isfinite(y)
+        rising = np.sign(x[k + 1] - x[k])
+        read = float(PchipInterpolator(rising * x[known], y[known])(rising * value))
+        return math.exp(read) if logarithm else read
+    return low + (value - x[k]) / (x[k + 1] - x[k]) * (high - low)
 
 
 def _beyond(surface: Surface, on: np.ndarray, x: np.ndarray, value: float) -> dict[str, float] | None:

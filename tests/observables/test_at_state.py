@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.testing import assert_allclose
+from scipy.interpolate import PchipInterpolator
 
 from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_steps
 
@@ -11,6 +12,22 @@ def test_steps_are_met_and_curves_followed():
     assert_allclose(at_state(x, np.exp(-x), x), np.exp(-x))
     between = 0.5 * (x[1:] + x[:-1])
     assert_allclose(at_state(x, np.exp(-x), between), np.exp(-between), atol=2e-5)
+
+
+def test_the_cubics_are_those_of_scipy():
+    """With falling, equal and reversing numbers, at steps, between them, and on two steps alone."""
+    random = np.random.default_rng(5)
+    for steps in (2, 3, 4, 9):
+        x = np.cumsum(random.uniform(0.1, 3.0, steps))
+        at = np.append(np.linspace(x[0], x[-1], 50), x)
+        for y in (
+            random.normal(size=steps),
+            -np.exp(x),
+            np.round(random.uniform(0, 2, steps)),
+            np.arange(steps) * 1e-300,
+        ):
+            assert_allclose(at_state(x, y, at), PchipInterpolator(x, y)(at), rtol=1e-12, atol=1e-13)
+            assert (at_state(x, y, x) == y).all()
 
 
 def test_nothing_is_extrapolated():
