@@ -119,6 +119,8 @@ class HalfSpace:
         self.threads, self._tuning = threads, tuning
         if sides not in _LEAST:
             raise ContactError(f"sides is {sides!r}; allowed: {', '.join(_LEAST)}")
+        if threads < 1:
+            raise ContactError(f"threads is {threads}; allowed: at least 1")
         least = _LEAST[sides]
         if min(self.shape) < least:
             raise ContactError(f"shape is {shape}; allowed: at least {least} × {least} elements")

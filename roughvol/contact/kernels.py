@@ -145,7 +145,7 @@ def layer(thickness: float, nu: float, elements: bool = True) -> Kernel:
     layer is a mattress of springs, λ = π h (1 - 2ν)/(1 - ν)². K. L. Johnson, Contact Mechanics (1985), p. 139.
     """
     least = LEAST_LAYER if elements else 0.0
-    if not (thickness > 0.0 and thickness >= least and -1.0 < nu <= 0.5):
+    if not (0.0 < thickness < np.inf and thickness >= least and -1.0 < nu <= 0.5):
         allowed = f"thickness {f'>= {least}' if elements else '> 0'}, -1 < nu <= 0.5"
         raise ContactError(f"the layer has a thickness of {thickness:.6g} spacings, nu = {nu}; allowed: {allowed}")
     k = 3.0 - 4.0 * nu
@@ -191,6 +191,8 @@ def kernel_of(kernel: Kernel | str, **made_of: float) -> Kernel:
     if isinstance(kernel, Kernel):
         return kernel
     if kernel in MADE:
+        if not made_of:
+            raise ContactError(f"kernel is {kernel!r}; allowed: what roughvol.contact.kernels.{kernel}(…) returns")
         return MADE[kernel](**made_of)
     if kernel not in KERNELS:
         raise ContactError(f"kernel is {kernel!r}; allowed: {', '.join((*KERNELS, *MADE))}")

@@ -118,6 +118,8 @@ class Options:
                 raise ContactError(f"{name} is {value!r}; allowed: {', '.join(allowed)}")
         if not isinstance(self.tuning, Tuning):
             raise ContactError(f"tuning is a {type(self.tuning).__name__}; allowed: Tuning; a SearchTuning is search=…")
+        if not isinstance(self.search, SearchTuning):
+            raise ContactError(f"search is a {type(self.search).__name__}; allowed: SearchTuning; a Tuning is tuning=…")
         if self.pressure_error is not None and not 0 < self.pressure_error <= 0.1:
             raise ContactError(f"pressure_error is {self.pressure_error}; allowed: 0 < pressure_error <= 0.1")
         if self.hardness is not None and not self.hardness > 0.0:

@@ -136,7 +136,7 @@ def first_indentation(
     options
         As in `roughvol.contact.solve`; elastic contact.
     accuracy : float
-        Relative accuracy of the indentation.
+        Relative accuracy of the indentation, 0 < accuracy < 1.
     **changed
         As in `roughvol.contact.solve`.
 
@@ -144,6 +144,13 @@ def first_indentation(
     -------
     float
         Δ/σ. The condition holds there.
+
+    Raises
+    ------
+    ContactError
+        If the accuracy is out of range, or the condition holds before contact.
+    ConvergenceError
+        If a solve does not converge, or the condition holds nowhere.
 
     See Also
     --------
@@ -159,6 +166,8 @@ def first_indentation(
     >>> round(first_indentation(dome, HalfSpace(dome.shape), lambda c: c.contact_area_fraction >= 0.1), 2)
     0.57
     """
+    if not 0.0 < accuracy < 1.0:
+        raise ContactError(f"accuracy is {accuracy}; allowed: 0 < accuracy < 1")
     options = replace(options, search=replace(options.search, accuracy=accuracy))
     target = Target(lambda contact: float(reached(contact)), 1.0, elements=True, power=False)
     trials = Trials(surface, half_space, options, **changed)
@@ -188,6 +197,8 @@ def _search(trials: Trials, target: Target, start: float, *, brink: bool, betwee
     tuning, hardness = trials.options.search, trials.options.hardness
     if hardness is not None:  # the straight lines are no bounds
         raise ContactError(f"hardness is {hardness}; allowed: none. This search takes elastic contact")
+    if not between and target.reached(trials.untouched):
+        raise ContactError("the condition holds before contact; allowed: a condition that more contact brings about")
     margin = tuning.sure * trials.options.rtol if brink else 0.0
 
     def holds(line: Line, indentation: float, noise: float = 0.0) -> bool:

@@ -332,6 +332,11 @@ def test_questions_without_answer_are_refused(
         read_off.ask(swept, largest, unknown, pressure=pressure)
 
 
+def test_the_leak_of_a_run_without_its_flow_is_not_asked_for_sq(swept: Dataset) -> None:
+    with pytest.raises(StudyError, match="the run has no transmissivity, which the leak goes with"):
+        read_off.ask(swept.drop_vars("transmissivity"), 1.0, "Sq", pressure=0.1)
+
+
 def test_several_kinds_of_surfaces_have_no_common_leak(tmp_path: Path) -> None:
     text = TEXT.replace("D: 2.2, m: 4, seeds: 2", "D: [2.2, 2.4], m: 3, seeds: 1").replace("steps: 20", "steps: 2")
     run = execution.run(loads(text.replace("rtol: 1.0e-9", "rtol: 1.0e-6")), jobs=1, out=tmp_path)

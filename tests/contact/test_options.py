@@ -24,3 +24,5 @@ def test_constants_of_searches_are_no_constants_of_the_solver():
     """Of searches up to 0.13 they were the argument tuning."""
     with pytest.raises(ContactError, match="tuning is a SearchTuning; allowed: Tuning; a SearchTuning is search=…"):
         Options(tuning=SearchTuning())
+    with pytest.raises(ContactError, match="search is a Tuning; allowed: SearchTuning; a Tuning is tuning=…"):
+        Options(search=Tuning())

@@ -67,6 +67,21 @@ def test_the_state_under_a_load_does_not_depend_on_how_low_the_whole_surface_lie
             assert found.free_volume == pytest.approx(wanted.free_volume, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("reached", "accuracy", "words"),
+    [
+        (lambda _: False, 0.0, "accuracy is 0.0; allowed: 0 < accuracy < 1"),
+        (lambda _: False, math.nan, "accuracy is nan"),
+        (lambda _: False, 1.0, "accuracy is 1.0"),
+        (lambda _: True, 1e-4, "the condition holds before contact"),
+    ],
+)
+def test_a_search_without_an_end_is_refused(reached, accuracy, words):
+    surface = kit.fractal(3)
+    with pytest.raises(ContactError, match=words):
+        first_indentation(surface, kit.half_space(surface.shape), reached, accuracy=accuracy)
+
+
 @kit.every_side
 def test_search_for_a_free_volume_next_to_that_of_the_first_touch(sides):
     """0.11.1 went on to an indentation of 1e-322 where the difference was that of rounding."""
