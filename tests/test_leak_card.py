@@ -20,7 +20,8 @@ from roughvol.analysis.tables import number
 from roughvol.campaign import card as card_runs
 from roughvol.campaign.case_surface import surface_of
 from roughvol.report import card_page, card_text
-from roughvol.report.figures import leak_card
+from roughvol.report.document import Document, Section
+from roughvol.report.figures import card_print, leak_card
 from roughvol.store import dataset
 from roughvol.study import Level, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
@@ -38,6 +39,8 @@ record: {{transport: {{percolation: every-step, transmissivity: every-step}}, {F
 PRESSED = SEAL.replace("to: percolation", "to: {pressure: 0.1 MPa}")
 GENERATED = "{D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: [1]}"
 AT = ("--at", "pressure=0.02 MPa")
+SHORT = "steps: 4, to: {pressure: 0.01 MPa}"
+LEAK_ENDS = "last: the leg ends at a leak rate, 1 mm^3/s, and so on each grid; allowed: a load"
 CLOSING = ("closing_pressure", "closing_pressure_interval")
 
 
@@ -396,16 +399,12 @@ def test_a_card_of_a_changed_study_leaves_the_first_and_its_runs_until_fresh_is_
 @pytest.mark.layout
 def test_the_print_keeps_its_text_on_the_page() -> None:
     """Every text of the page of print lies inside the margins, measured as it is drawn."""
-    from roughvol.questions import card
-    from roughvol.report.card_text import Identity
-    from roughvol.report.figures import card_print
-    from roughvol.study import load
-
     path = _study(PRESSED.replace("[1]", "3"))
-    found = card(path, jobs=1)
+    found = roughvol.card(path, jobs=1)
     (runs,) = found.runs.values()
     fine = tuple(one.fine.dataset for one in runs.values())
-    page = card_page.Page(found.cards[""], fine, Identity(load(Path(path)), f"roughvol card {'long/' * 60}"), "card")
+    identity = card_text.Identity(roughvol.load(path), f"roughvol card {'long/' * 60}")
+    page = card_page.Page(found.cards[""], fine, identity, "card")
     fig = card_print.page_of(page.card, card_page.document(page))
     renderer = FigureCanvasAgg(fig).get_renderer()
     assert len(fig.texts) > 40
@@ -421,9 +420,6 @@ def test_the_print_keeps_its_text_on_the_page() -> None:
 )
 def test_the_print_ends_on_the_page_whatever_it_has(words: int, shown: str) -> None:
     """Long facts take smaller type, then the place of limits; at last a sentence leads to the page of HTML."""
-    from roughvol.report.document import Document, Section
-    from roughvol.report.figures import card_print
-
     card = roughvol.card(_study(PRESSED), jobs=1).cards[""]
     limits = tuple(f"surface {k}: {'a limit that is exceeded by much; ' * 5}" for k in range(3))
     facts = (*[(f"fact {k}", "a word " * words) for k in range(10)], ("identity", "the last fact"))
@@ -542,26 +538,21 @@ def test_the_second_leg_of_a_path_has_a_card() -> None:
     assert "the sweep has no leg 3; allowed: 1 to 2" in refused("card", study, "--at", "pressure=0.3, leg 3")
 
 
-@pytest.mark.parametrize("sweep", ["steps: 4, to: {leak_rate: 1 mm^3/s}", "leak_rates: [2 mm^3/s, 1 mm^3/s]"])
-def test_the_end_of_a_sweep_at_a_leak_rate_is_no_load(sweep: str) -> None:
-    told = refused("card", _study(SEAL.replace("steps: 4, to: percolation", sweep)))
-    assert "last: the leg ends at a leak rate, 1 mm^3/s, and so on each grid; allowed: a load" in told
-
-
 @pytest.mark.parametrize(
-    ("at", "words"),
+    ("sweep", "at", "words"),
     [
-        ("pressure=0.05 MPa", "the sweep has no state at pressure=0.05 MPa: its steps have pressure "),
-        ("pressure=9", "pressure=9: "),
-        ("leak_rate=1e-3 mm^3/s", "roughvol ask"),
-        ("step=3", "allowed: last, or a load"),
-        ("pressure=1 um", "1 um"),
-        ("speed=3", "no state"),
+        (SHORT, "pressure=0.05 MPa", "the sweep has no state at pressure=0.05 MPa: its steps have pressure "),
+        ("steps: 4, to: {pressure: 0.1}", "pressure=9", "pressure=9: "),
+        (SHORT, "leak_rate=1e-3 mm^3/s", "roughvol ask"),
+        (SHORT, "step=3", "allowed: last, or a load"),
+        (SHORT, "pressure=1 um", "1 um"),
+        (SHORT, "speed=3", "no state"),
+        ("steps: 4, to: {leak_rate: 1 mm^3/s}", "last", LEAK_ENDS),
+        ("leak_rates: [2 mm^3/s, 1 mm^3/s]", "last", LEAK_ENDS),
     ],
 )
-def test_a_load_that_is_none_is_refused_by_name(at: str, words: str) -> None:
-    end = "to: {pressure: 0.1}" if at == "pressure=9" else "to: {pressure: 0.01 MPa}"
-    told = refused("card", _study(SEAL.replace("to: percolation", end)), "--at", at, "--jobs", "1")
+def test_a_load_that_is_none_is_refused_by_name(sweep: str, at: str, words: str) -> None:
+    told = refused("card", _study(SEAL.replace("steps: 4, to: percolation", sweep)), "--at", at, "--jobs", "1")
     assert words in told
     assert len(told.strip().splitlines()) <= 2
     assert "<string>" not in told
