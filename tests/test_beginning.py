@@ -121,13 +121,6 @@ def test_init_overwrites_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "proposed"), [(("init", "sael"), "seal"), (("explain", "surface.fiel"), "surface.file")]
-)
-def test_an_unknown_name_has_the_nearest_proposed(arguments: tuple[str, str], proposed: str) -> None:
-    assert f"did you mean '{proposed}'" in refused(*arguments)
-
-
-@pytest.mark.parametrize(
     ("name", "words"),
     [
         ("surface.against.file", ("must be given", "height field")),

@@ -10,7 +10,7 @@ from roughvol.plotting import needed
 from roughvol.reproduction.figures.registry import FIGURES
 from roughvol.store import dataset
 from roughvol.study import load, loads
-from tests.kit import refused, said
+from tests.kit import said
 
 TEXT = """
 name: some
@@ -70,8 +70,3 @@ def test_run_computes_what_the_figures_need_and_then_the_rest(tmp_path: Path) ->
     # asked for less again, it keeps what is there
     said(*run, "--figures", "fig08")
     assert dataset.read(out / "study.nc").sizes["m"] == 3
-
-
-def test_unknown_figure_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "some.yaml").write_text(TEXT)
-    assert "did you mean 'fig05'" in refused("run", tmp_path / "some.yaml", "--figures", "fig5")
