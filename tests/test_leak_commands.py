@@ -217,15 +217,6 @@ def _creeping(here: Path) -> None:
 
 
 @pytest.mark.usefixtures("_creeping")
-def test_a_study_with_lists_is_refused_where_one_combination_is_needed() -> None:
-    text = STUDY.replace("E_star: 5 MPa", "E_star: [5 MPa, 10 MPa]").replace("steps: 4", "steps: 1")
-    ran("lists", text.replace("m: 4", "m: 3") + "  region: [none, interior]\n")
-    several = "the run has several E_star (5 MPa, 10 MPa)"
-    assert several in refused("ask", "lists.yaml", "--leak-rate", "1 mm^3/s")
-    assert "several E_star" in refused("creep", "lists.yaml", *CREEP, "pressure=1 kPa", "--times", "1 s")
-
-
-@pytest.mark.usefixtures("_creeping")
 def test_several_height_files_are_said_to_be_samples_of_one_joint() -> None:
     for k in range(2):
         z = random_midpoint_displacement(2.2, 4, seed=k).heights
