@@ -148,7 +148,7 @@ def first_indentation(
     Raises
     ------
     ContactError
-        If the accuracy is out of range, or the condition holds before contact.
+        If the accuracy is out of range.
     ConvergenceError
         If a solve does not converge, or the condition holds nowhere.
 
@@ -197,8 +197,6 @@ def _search(trials: Trials, target: Target, start: float, *, brink: bool, betwee
     tuning, hardness = trials.options.search, trials.options.hardness
     if hardness is not None:  # the straight lines are no bounds
         raise ContactError(f"hardness is {hardness}; allowed: none. This search takes elastic contact")
-    if not between and target.reached(trials.untouched):
-        raise ContactError("the condition holds before contact; allowed: a condition that more contact brings about")
     margin = tuning.sure * trials.options.rtol if brink else 0.0
 
     def holds(line: Line, indentation: float, noise: float = 0.0) -> bool:
