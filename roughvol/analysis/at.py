@@ -1,12 +1,12 @@
 """The states of stored surfaces at a load, on a step or between two steps.
 
 A later leg begins at the last step of the leg before. Between two steps, a number lies on the monotone cubic of
-`at_state` over the quantity of the level. A leak rate, a flow or an opening has the cubic of its logarithm, at a load
-over the logarithm of the load: so it is the reading of `leak_curve`. A way that closes between two steps is open up to
-the second step, and its flow lies on the straight line to 0 there. Where a study has its closing load solved, the way
-is open up to this load. Its flow and opening then fall to 0 there on a straight line over p*. Counts are those of the
-step beyond. A state that a study records is the state solved for it; before the first step it has the numbers recorded
-for it alone.
+`at_state` over the quantity of the level. A flow or an opening has the cubic of its logarithm. At a load this cubic is
+over the logarithm of the load, so the leak there is the reading of `leak_curve`. A way that closes between two steps is
+open up to the second step, and its flow lies on the straight line to 0 there. Where a study has its closing load
+solved, the way is open up to this load. Its flow and opening then fall to 0 there on a straight line over p*. Counts
+are those of the step beyond. A state that a study records is the state solved for it; before the first step it has the
+numbers recorded for it alone.
 
 A step that misses a level by less than `level.REACHED` is the level. A sweep that ended at a target has reached this
 target, and a listed load is the step solved for it. A surface whose sweep ended before a higher load is closed there if
@@ -38,24 +38,16 @@ from roughvol.study.values.state_kinds import LOAD_OF_REGION, REACHED, slack
 from roughvol.typing import Array, Mask
 
 P, V = "mean_pressure", "free_volume"
-BY_LOGARITHM = (
-    "leak_rate",
-    "flow",
-    "gas_leak_rate",
-    "gas_transmissivity",
-    "transmissivity",
-    "diffusivity",
-    "critical_opening",
-    "critical_gap",
-)
-WAYS = ("open", "percolates")  # a way that closes between two steps is closed from the second step on
+BY_LOGARITHM = (*leak.FLOWS, "critical_opening", "critical_opening_dry", "critical_gap")
+WAYS = ("open", "open_dry", "percolates")  # a way that closes between two steps is closed from the second step on
 # in units, of starred numbers
 MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V, "mean_plane_separation": "separation"}
 LEAK = "leak_rate"
-LOADS = ("pressure", "load")  # kinds of levels
+LOAD_KINDS = ("pressure", "load")
 RULE = (
-    "Between steps: monotone cubics over the quantity asked for, in logarithms for flows and openings. A way that "
-    "closes between two steps leaks along a straight line to 0 at the second, or at its closing load if it is solved."
+    "Between steps: monotone cubics over the quantity asked for. Flows and openings: of the logarithm, over that of a "
+    "load. A way that closes between two steps leaks along a straight line to 0 at the second, or at its closing load "
+    "if it is solved."
 )
 
 
@@ -110,14 +102,13 @@ def between(group: Dataset, seeds: list[int], places: list[float], over: Array, 
         row = VARIABLES.get(str(name))
         if array.dtype.kind == "f":
             after = np.where(np.isnan(before), before, after)  # between a missing number and a known one: missing
-        key = "" if row is not None and row.observable == "own" else str(name)  # an own name may begin as another
-        if (row is None or row.kind == "real") and not key.startswith("open") and array.dtype.kind == "f":
+        if (row is None or row.kind == "real") and name not in WAYS and array.dtype.kind == "f":
             with np.errstate(invalid="ignore"):  # between two infinite numbers, as of Knudsen where no way is open
                 mixed = np.where(before == after, before, before + share * (after - before))
-            is_flow = key.startswith(BY_LOGARITHM)
-            curved = _curved(array[rows], over[rows], places, logarithm=is_flow, both=is_flow & is_load[rows])
+            is_flow = name in BY_LOGARITHM
+            curved = _curved(array[rows], over[rows], places, logarithm=is_flow, over_log=is_flow & is_load[rows])
             after = np.where(share == 0.0, before, np.where(np.isfinite(curved), curved, mixed))
-        elif key.startswith(WAYS):
+        elif name in WAYS:
             after = np.where(share == 0.0, before, np.fmax(before, after))
         values[str(name)] = (("seed", *along), after, variable.attrs)
     others = [name for name in group.coords if group.variables[name].dims not in ((), ("seed",), ("axis",))]
@@ -125,11 +116,12 @@ def between(group: Dataset, seeds: list[int], places: list[float], over: Array, 
     return group.coords.to_dataset().drop_vars(others).isel({"seed": rows}, missing_dims="ignore").assign(values)
 
 
-def _curved(values: Array, over: Array, places: list[float], *, logarithm: bool, both: Mask) -> Array:
+def _curved(values: Array, over: Array, places: list[float], *, logarithm: bool, over_log: Mask) -> Array:
     """Return numbers (surfaces, steps, …) at places on monotone cubics; NaN on a step, and beside a step without them.
 
     A cubic follows the two steps around the place, and the next step on each side where the quantity goes on alike. It
-    is of the ``logarithm`` of the numbers, with ``both`` over the logarithm of a quantity > 0.
+    is of the ``logarithm`` of the numbers. With ``over_log`` (surfaces,) it is over the logarithm of the quantity where
+    both steps have one.
     """
     found = np.full((values.shape[0], *values.shape[2:]), np.nan)
     for k, place in enumerate(places):
@@ -140,8 +132,8 @@ def _curved(values: Array, over: Array, places: list[float], *, logarithm: bool,
         begin = low - int(low > 0 and (over[k, low] - over[k, low - 1]) * advance > 0.0)
         end = high + 1 + int(high + 1 < over.shape[1] and (over[k, high + 1] - over[k, high]) * advance > 0.0)
         x, at = over[k, begin:end], over[k, low] + (place - low) * advance
-        if both[k] and (x > 0.0).all():
-            x, at = np.log(x), math.log(at)
+        if over_log[k] and min(over[k, low], over[k, high]) > 0.0:
+            x, at = np.log(np.where(x > 0.0, x, math.nan)), math.log(at)
         for column in np.ndindex(values.shape[2:]):
             numbers = values[(k, slice(begin, end), *column)]
             with np.errstate(divide="ignore", invalid="ignore"):  # beside a closed step
@@ -233,10 +225,10 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     own = _recorded(group, level, recorded, steps)
     flows = {} if level.kind == "last" else leak.recorded(group, recorded, steps)
     shut, crossings = leak.closed(part), _crossings(group, leg)
-    beyond_closing = leg == 1 and level.kind in LOADS
+    beyond_closing = leg == 1 and level.kind in LOAD_KINDS
     reached, places, beyond, alone = list[int](), list[float](), list[int](), list[int]()
     over = np.full((group.sizes["seed"], group.sizes["step"]), math.nan)
-    is_load = np.full(group.sizes["seed"], level.kind in LOADS)
+    is_load = np.full(group.sizes["seed"], level.kind in LOAD_KINDS)
     for k, scale in enumerate(scales(run, group)):
         values, value, near = _path(run, part, k, level, scale, reach)
         over[k, offset : offset + values.size] = values
@@ -327,14 +319,14 @@ def _close_where_solved(
     ends = [end[:, np.newaxis] for end in _around(group, P, reached, places)]
     lifted = (*leak.LIFTED, "open") if leak.is_lifted(data) else ()  # the fluid may keep these open
     for name in (str(name) for name in data.data_vars if data.variables[name].dims == ("seed", "axis")):
-        if name in lifted or "step" not in group.variables[name].dims or not name.startswith((*BY_LOGARITHM, *WAYS)):
+        if name in lifted or "step" not in group.variables[name].dims or name not in (*BY_LOGARITHM, *WAYS):
             continue
         before, after = _around(group, name, reached, places)
         with np.errstate(divide="ignore", invalid="ignore"):  # a step may lie at the closing load
             share = np.clip((closes - load[:, None]) / (closes - np.where(before > 0.0, *ends)), 0.0, 1.0)
         last = np.maximum(before, after)  # of the open end
         inside = np.isfinite(share) & (np.minimum(before, after) == 0.0) & (last > 0.0)
-        shrunk = (share > 0.0).astype(float) if name.startswith(WAYS) else last * share
+        shrunk = (share > 0.0).astype(float) if name in WAYS else last * share
         data[name].values[:count][inside] = shrunk[inside]
 
 

@@ -22,9 +22,10 @@ from roughvol.cli.output import say, say_numbers, say_parts, say_table, warn, wa
 def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool, changes: tuple[str, ...]) -> None:
     """Print the numbers of RUN: a folder, a study.nc, a study file, or a name under runs/ [default: the latest].
 
-    Between two steps, numbers lie on monotone cubics over the quantity asked for; flows and openings on those of their
-    logarithms. A state beyond the steps is an error. Several surfaces are shown by their mean; --csv and --json have
-    each of them. An ensemble has its means last. `roughvol explain NAME` describes a column.
+    Between two steps, numbers lie on monotone cubics over the quantity asked for. A flow or an opening has the cubic of
+    its logarithm, at a load over the logarithm of the load. A state beyond the steps is an error. Several surfaces are
+    shown by their mean; --csv and --json have each of them. An ensemble has its means last. `roughvol explain NAME`
+    describes a column.
     """
     check_one_form(as_csv=as_csv, as_json=as_json)
     from roughvol.analysis.stored_run import Run

@@ -271,16 +271,22 @@ def test_averages_of_a_dataset_are_those_of_its_variables() -> None:
         assert int(means[f"{name}_count"]) == one.count
 
 
-def test_the_leak_at_a_load_is_the_reading_of_the_leak_curve() -> None:
-    """On steps, between them, beside a closing, and beyond."""
-    run = checked(_run("seal").dataset.roughvol.derived())
-    loads = np.geomspace(*(float(run.nominal_pressure.isel(step=step).max()) for step in (0, -1)), 23)
-    found = [_run("seal").dataset.roughvol.at(pressure=f"{load:.15g} MPa").leak_rate.squeeze() for load in loads]
+@pytest.mark.parametrize("corner", [False, True])
+def test_the_leak_at_a_load_is_the_reading_of_the_leak_curve(corner: bool, tmp_path: Path) -> None:
+    """On steps, between them, beside a closing and beyond; of a corner, also beside steps without a load."""
+    unloaded = "record:\n  region: {x: [0, 0.25], y: [0, 0.25]}"
+    ds = _made(SEAL.replace("record:", unloaded), tmp_path) if corner else _run("seal").dataset
+    assert bool((ds.mean_pressure == 0.0).any()) == corner
+    run = checked(ds.roughvol.derived())
+    loaded = run.nominal_pressure.where(run.nominal_pressure > 0.0)
+    loads = np.geomspace(float(loaded.min()), float(loaded.max()), 23)
+    found = [ds.roughvol.at(pressure=f"{load:.15g} MPa") for load in loads]
     compared = 0
     for axis, each in curves(run).items():
-        for k, curve in enumerate(each):
+        for curve in each:
             read = curve.at(loads).value
-            leaks = np.array([float(leak.sel(axis=axis)[k]) for leak in found])
+            own = [state.leak_rate.sel(axis=axis, seed=state.seed == int(curve.surface.split()[-1])) for state in found]
+            leaks = np.array([leak.item() if leak.size else np.nan for leak in own])
             known = np.isfinite(read) & np.isfinite(leaks)
             assert_allclose(leaks[known], read[known], rtol=1e-9)
             compared += int(known.sum())
@@ -293,8 +299,10 @@ def test_a_place_lies_between_two_steps_or_on_one() -> None:
     assert place_of(values, 2.0, 1e-6) == 2.5
     assert place_of(values, 2.0, 1e-6, between=False) is None
     assert place_of(values, 4.0, 1e-6) is None
-    group = Dataset({"free_volume": (("seed", "step"), values[np.newaxis])}, coords={"step": [1, 2, 3, 4]})
-    assert float(between(group, [0], [2.5], values[np.newaxis], np.array([False]))["free_volume"][0]) == 2.0
+    names = ("free_volume", "flow_index", "openness")  # quantities of a user begin as a flow and as a way
+    group = Dataset({name: (("seed", "step"), values[np.newaxis]) for name in names}, coords={"step": [1, 2, 3, 4]})
+    there = between(group, [0], [2.5], values[np.newaxis], np.array([True]))
+    assert [float(there[name][0]) for name in names] == [2.0, 2.0, 2.0]
 
 
 @pytest.mark.parametrize("pressure", ["0.01 MPa", "0.035 MPa"])

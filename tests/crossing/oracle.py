@@ -246,11 +246,12 @@ def _between(name: str, over: str, x: np.ndarray, numbers: np.ndarray, k: int, v
     low, high = float(numbers[k]), float(numbers[k + 1])
     if math.isnan(low):
         return low
-    if name.startswith(("percolates", "open")):
+    own = re.sub(r"(_dry)?_[xy]$", "", name)
+    if own in ("percolates", "open"):
         return max(low, high)
     if name.startswith(COUNTED):
         return high
-    logarithm = name.startswith(BY_LOGARITHM)
+    logarithm = own in BY_LOGARITHM
     if math.isfinite(high) and (not logarithm or min(low, high) > 0.0):
         with np.errstate(divide="ignore", invalid="ignore"):
             y = np.log(numbers) if logarithm else np.asarray(numbers, dtype=float)
