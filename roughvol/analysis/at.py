@@ -45,9 +45,9 @@ MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V, "mean_p
 LEAK = "leak_rate"
 LOAD_KINDS = ("pressure", "load")
 RULE = (
-    "Between steps: monotone cubics over the quantity asked for. Flows and openings: of the logarithm, over that of a "
-    "load. A way that closes between two steps leaks along a straight line to 0 at the second, or at its closing load "
-    "if it is solved."
+    "Between steps: monotone cubics over the quantity asked for; of a flow or an opening its logarithm, at a load over "
+    "log(load). A way that closes between two steps leaks along a straight line to 0 at the second, or at its closing "
+    "load if it is solved."
 )
 
 

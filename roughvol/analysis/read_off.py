@@ -145,7 +145,9 @@ def ask(
     run = checked(run)
     _check_unknown(run, unknown, pressure)
     if unknown == "Sq" and (missing := [name for name in ("transmissivity", "free_volume") if name not in run]):
-        raise refused(f"the run has no {missing[0]}, which the leak goes with; allowed: for pressure or modulus")
+        raise refused(
+            f"the run has no {missing[0]}, so the leak at another Sq is not known; allowed: for pressure or modulus"
+        )
     if unknown == "Sq" and not _liquid(run):
         raise refused("the leak is not that of a liquid, and does not go with Sq^3; allowed: for pressure or modulus")
     if not largest > 0.0:

@@ -192,7 +192,7 @@ def kernel_of(kernel: Kernel | str, **made_of: float) -> Kernel:
         return kernel
     if kernel in MADE:
         if not made_of:
-            raise ContactError(f"kernel is {kernel!r}; allowed: what roughvol.contact.kernels.{kernel}(…) returns")
+            raise ContactError(f"kernel is {kernel!r}; allowed: roughvol.contact.kernels.{kernel}(…)")
         return MADE[kernel](**made_of)
     if kernel not in KERNELS:
         raise ContactError(f"kernel is {kernel!r}; allowed: {', '.join((*KERNELS, *MADE))}")

@@ -333,7 +333,7 @@ def test_questions_without_answer_are_refused(
 
 
 def test_the_leak_of_a_run_without_its_flow_is_not_asked_for_sq(swept: Dataset) -> None:
-    with pytest.raises(StudyError, match="the run has no transmissivity, which the leak goes with"):
+    with pytest.raises(StudyError, match="the run has no transmissivity, so the leak at another Sq is not known"):
         read_off.ask(swept.drop_vars("transmissivity"), 1.0, "Sq", pressure=0.1)
 
 

@@ -179,7 +179,7 @@ test_refused = refusals(
     (lambda: HalfSpace((9, 9), layer(2.0, 0.5)), "kernel is 'layer'; allowed on a free patch"),
     (lambda: layer(0.0, 0.5, False), "thickness of 0 spacings.*allowed: thickness > 0"),
     (lambda: layer(math.inf, 0.3), "thickness of inf spacings"),
-    (lambda: HalfSpace((9, 9), "layer"), "kernel is 'layer'; allowed: what roughvol.contact.kernels.layer"),
+    (lambda: HalfSpace((9, 9), "layer"), "kernel is 'layer'; allowed: roughvol.contact.kernels.layer"),
     (lambda: HalfSpace((9, 9), threads=0), "threads is 0; allowed: at least 1"),
     (lambda: layer(0.2, 0.5), "thickness of 0.2 spacings.*allowed: thickness >= 0.25"),
     (lambda: layer(1.0, 0.6), "nu = 0.6"),
