@@ -235,10 +235,13 @@ def card(m: int) -> None:
 def fewer(m: int) -> None:
     """Print by what factor leaks differ that are read on the logarithm between every second, fourth, eighth state.
 
-    The median and the largest of 6 surfaces of each D, both axes, from the first to the last state with an open way.
+    They are read on the cubic over the logarithm of the load, and on the straight line over the load. The median, 95 %
+    and the largest are of 6 surfaces of each D, both axes, from the first to the last state with an open way.
     """
     for D in (2.2, 2.5, 2.8):
-        found: dict[int, list[np.ndarray]] = {2: [], 4: [], 8: []}
+        found: dict[tuple[int, str], list[np.ndarray]] = {
+            (n, way): [] for n in (2, 4, 8) for way in ("cubic", "straight")
+        }
         for seed in range(6):
             surface = random_midpoint_displacement(D, m, seed=seed)
             end = (surface.z_max - surface.mean_height) / surface.Sq
@@ -247,15 +250,18 @@ def fewer(m: int) -> None:
             for axis in (0, 1):
                 flows = [conduction(state.gap(), axis).coefficient * state.free_volume**3 for state in states]
                 still = np.flatnonzero(np.array(flows) > 0.0)
-                for every, factors in found.items():
+                for (every, way), factors in found.items():
                     kept = still[::every]
                     between = np.setdiff1d(np.arange(kept[-1]), kept)
-                    read = PchipInterpolator(loads[kept], np.log(np.array(flows)[kept]))(loads[between])
+                    logs = np.log(np.array(flows)[kept])
+                    cubic = PchipInterpolator(loads[kept], logs)(loads[between])
+                    straight = np.interp(np.exp(loads[between]), np.exp(loads[kept]), logs)
+                    read = cubic if way == "cubic" else straight
                     factors.append(np.exp(np.abs(read - np.log(np.array(flows)[between]))))
-        for every, factors in found.items():
+        for (every, way), factors in found.items():
             all_of = np.concatenate(factors)
             print(
-                f"D = {D}, every {every}: median {np.median(all_of):.4f}, 95 % {np.quantile(all_of, 0.95):.3f}, "
+                f"D = {D}, every {every}, {way}: median {np.median(all_of):.4f}, 95 % {np.quantile(all_of, 0.95):.3f}, "
                 f"largest {all_of.max():.3f}"
             )
 
