@@ -46,6 +46,10 @@ class Network:
         self.exact = self._inverse.exact
         self._smallest = SMALLEST  # eigenvalue of M A that the steps have met
 
+    def start(self, inflow: Array) -> Array:
+        """Return pressures to start from, which drive an inflow of each element nearly; 0 where factors follow."""
+        return np.zeros(inflow.shape) if self.exact else self._inverse.nested(inflow)
+
     def solve(self, inflow: Array) -> Array:
         """Return the pressures that drive an inflow of each element, to the `DIGITS` of their energy."""
         return self._descended(inflow, lambda fallen: DIGITS * fallen, factors_alone=False)[0]
@@ -131,7 +135,12 @@ def flow_through(down: Array, east: Array, accuracy: float = ACCURACY, start: Ar
     the contrast asks for them. ``start`` has pressures to start from.
     """
     network = Network(between_reservoirs(down, east))
-    u = np.zeros(east.shape) if start is None else start.copy()
+    if start is None:
+        inflow = np.zeros(east.shape)
+        inflow[0] = down[0]  # from P = 1 at the inlet
+        u = network.start(inflow)
+    else:
+        u = start.copy()
     nearer, inlets = np.zeros(east.shape), (1.0, 0.0)
     through, aside = np.empty(down.shape), np.empty(east.shape)
     dissipation = _fluxes(through, aside, down, east, u, nearer, inlets)
