@@ -73,17 +73,16 @@ class Evidence:
 class Given:
     """The runs that fit a claim, by what they serve for, the best of each first."""
 
+    evidence: Evidence
     needs: Mapping[str, Needs]
-    fit: Mapping[str, Sequence[ClaimRun]]
 
     def run(self, use: str = "") -> ClaimRun:
         """Return the best run for a use, or raise `Lacking`."""
-        require(self.fit[use], f"no run with {self.needs[use]}")
-        return self.fit[use][0]
+        return self.evidence.best(self.needs[use])
 
     def runs(self, use: str = "") -> list[ClaimRun]:
         """Return all runs for a use, the best first."""
-        return list(self.fit[use])
+        return self.evidence.fit(self.needs[use])
 
 
 @dataclass(frozen=True)
@@ -116,17 +115,13 @@ class Question:
         """How it is judged: the docstring of the function, shown beside the verdict."""
         return inspect.getdoc(self.answer) or ""
 
-    def given(self, evidence: Evidence) -> Given:
-        """Return the runs that fit."""
-        return Given(self.needs, {use: evidence.fit(needs) for use, needs in self.needs.items()})
-
     def __call__(self, evidence: Evidence) -> Claim:
         """Return the claim with what was found, or with what no run has; every run refused is named."""
         refused = tuple(evidence.refusals(*self.needs.values()).items())
         names = ("id", "title", "place", "sentence", "method", "figures")
         claim = Claim(**{name: getattr(self, name) for name in names}, refused=refused)
         try:
-            outcome = self.answer(self.given(evidence))
+            outcome = self.answer(Given(evidence, self.needs))
         except Lacking as lacking:
             return replace(claim, lacking=str(lacking), why=f"Not computed: {lacking}.")
         checks = tuple(check.tested() for check in outcome.checks)
