@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -21,8 +20,8 @@ from roughvol.reproduction.claims.evidence import (
     area_slopes,
     at,
     claim,
-    common,
     require,
+    volumes,
 )
 from roughvol.reproduction.claims.statistics import bootstrap, exact, mean, ratio, single, slope
 from roughvol.reproduction.claims.verdict import Check, Number
@@ -163,13 +162,6 @@ def _onset(run: ClaimRun, D: float, m: int) -> Array:
     )
 
 
-def band(run: ClaimRun, x: str, D: Sequence[float], m: int) -> tuple[Array, Array]:
-    """Return V* on a common axis, shape (D, seeds, points), and that axis."""
-    axes = [run.values(x, D=d, m=m) for d in D]
-    grid = common(axes)
-    return np.array([at(axis, run.values(V, D=d, m=m), grid) for axis, d in zip(axes, D, strict=True)]), grid
-
-
 def width(curves: Array, seeds: Index) -> float:
     """Return the width of the band that the means over surfaces fill, over their middle, averaged along the axis."""
     means = curves[:, seeds].mean(axis=1)
@@ -202,7 +194,7 @@ def volume_at_pressure(given: Given) -> Outcome:
     """
     run = given.run()
     m = max(run.m)
-    curves, grid = band(run, P, run.D, m)
+    curves, grid = volumes(run, P, [(D, m) for D in run.D])
     wide, relative = _bands(curves, "p*", run.seeds)
     checks = [Check.above("the band is wider than the scatter of surfaces", relative, 1.0)]
     for k, (low, high) in enumerate(pairwise(run.D)):
@@ -225,8 +217,9 @@ def volume_at_area(given: Given) -> Outcome:
     A run of more surfaces, where there is one, is asked the same at its finest m (other: it is not the paper's m = 8).
     """
     run = given.run()
-    along_area, grid = band(run, A, run.D, max(run.m))
-    along_pressure, _ = band(run, P, run.D, max(run.m))
+    finest = [(D, max(run.m)) for D in run.D]
+    along_area, grid = volumes(run, A, finest)
+    along_pressure, _ = volumes(run, P, finest)
     wide, relative = _bands(along_area, "A*", run.seeds)
     name = "band in V*(A*) over band in V*(p*)"
 
@@ -247,7 +240,7 @@ def volume_at_area(given: Given) -> Outcome:
     larger = [other for other in given.runs("many") if other.seeds > run.seeds and len(other.D) > 2]
     if larger:
         many = larger[0]
-        curves, _ = band(many, A, many.D, max(many.m))
+        curves, _ = volumes(many, A, [(D, max(many.m)) for D in many.D])
         dimensions = ", ".join(f"{D:g}" for D in many.D)
         name = f"the same of {many.seeds} surfaces, D = {dimensions}, m = {max(many.m)}"
         of_many = bootstrap("band_over_scatter_many", name, functools.partial(_over_scatter, curves), many.seeds)

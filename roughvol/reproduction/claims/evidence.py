@@ -165,12 +165,20 @@ def at(x: Array, y: Array, points: Array) -> Array:
     )
 
 
-def common(curves: Sequence[Array]) -> Array:
-    """Return `GRID` even points over the range that every surface of every curve reaches, or raise `Lacking`."""
+def common(curves: Sequence[Array], points: int = GRID) -> Array:
+    """Return even points over the range that every surface of every curve reaches, or raise `Lacking`."""
     low = max(float(np.nanmax(np.nanmin(x, axis=1))) for x in curves)
     high = min(float(np.nanmin(np.nanmax(x, axis=1))) for x in curves)
     require(low < high, "a range of the axis that all surfaces reach")
-    return np.linspace(low, high, GRID)
+    return np.linspace(low, high, points)
+
+
+def volumes(run: ClaimRun, x: str, kinds: Sequence[tuple[float, int]]) -> tuple[Array, Array]:
+    """Return V* of surfaces by (D, m) on a common axis x, shape (kinds, seeds, points), and that axis."""
+    axes = [run.values(x, D=D, m=m) for D, m in kinds]
+    grid = common(axes)
+    curves = [at(axis, run.values(V, D=D, m=m), grid) for axis, (D, m) in zip(axes, kinds, strict=True)]
+    return np.array(curves), grid
 
 
 def area_slopes(run: ClaimRun, D: Sequence[float], m: Sequence[int]) -> tuple[dict[tuple[float, int], Array], float]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.area_and_volume import SMALL
-from roughvol.reproduction.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, at, claim, common, require
+from roughvol.reproduction.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, claim, require, volumes
 from roughvol.reproduction.claims.statistics import exact, mean, slope
 from roughvol.reproduction.claims.verdict import Check, Number
 from roughvol.reproduction.needs import BY_M, PAPER_D, PRESSED
@@ -46,9 +46,7 @@ def steps_in_m(run: ClaimRun, x: str) -> tuple[list[Number], Array]:
 
 def _changes(run: ClaimRun, x: str, levels: Sequence[int]) -> list[Array]:
     """Return the relative change of V* at equal x, shape (surfaces, points), from each m to the next."""
-    axes = [run.values(x, D=PAPER_D, m=m) for m in levels]
-    grid = common(axes)
-    curves = [at(axis, run.values(V, D=PAPER_D, m=m), grid) for axis, m in zip(axes, levels, strict=True)]
+    curves, _ = volumes(run, x, [(PAPER_D, m) for m in levels])
     return [(fine - coarse) / fine for coarse, fine in pairwise(curves)]
 
 

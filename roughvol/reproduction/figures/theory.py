@@ -28,12 +28,13 @@ from roughvol.surfaces import texture
 from roughvol.typing import Array
 
 END = "mean-plane"
+POINTS = 200  # of a curve
 
 
 def _mean(run: ClaimRun, x: str, y: str, D: float, m: int) -> tuple[Array, Array]:
     """Return the mean over surfaces of y on the range of x that all reach."""
     axis = run.values(x, D=D, m=m)
-    grid = np.linspace(np.nanmax(np.nanmin(axis, axis=1)), np.nanmin(np.nanmax(axis, axis=1)), 200)
+    grid = common([axis], POINTS)
     return grid, at(axis, run.values(y, D=D, m=m), grid).mean(axis=0)
 
 
@@ -57,7 +58,7 @@ def theory_separation(evidence: Evidence) -> Drawing:
     m, ends = max(run.m), list(dict.fromkeys((run.D[0], run.D[-1])))
     fig, ax = axes()
     far = max(float(run.values(D_SIGMA, D=D, m=m).max()) for D in ends)
-    line = np.linspace(0.0, far, 200)
+    line = np.linspace(0.0, far, POINTS)
     ax.plot(line, line, "k--", lw=0.8, label=r"$V^{\ast} = d/\sigma$")
     ax.plot(line, formulas.bearing_area_volume(line), "k:", lw=0.9, label="bearing area, Gaussian")
     for D, look in zip(ends, looks(len(ends)), strict=True):
@@ -84,8 +85,7 @@ def theory_bearing(evidence: Evidence) -> Drawing:
     heights = [run.surface(PAPER_D, m, seed).heights for seed in run.seed_numbers()]
     own = np.array([formulas.bearing_area_volume(*pair) for pair in zip(separation, heights, strict=True)])
     gauss = formulas.bearing_area_volume(separation)
-    coarse = common([area])
-    grid = np.linspace(coarse[0], coarse[-1], 200)
+    grid = common([area], POINTS)
     fig, ax = axes()
     curves = (
         ("computed", volume, "k", "-"),
