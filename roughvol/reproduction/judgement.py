@@ -7,11 +7,9 @@ figures asks for its configuration. Every other run is a study of its own, and i
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from roughvol.errors import DatasetError
 from roughvol.reproduction.claim_run import ClaimRun
@@ -126,16 +124,3 @@ def departures(judgement: Judgement, expected: str | bytes) -> list[str]:
         elif not low <= number.value <= high:
             differences.append(f"{name}: {number.value:.6g}, expected {low:g} to {high:g} ({number.name})")
     return differences
-
-
-def expectation(judgement: Judgement, *, relative: float, absolute: float = 1e-9, about: str = "") -> str:
-    """Return the expectation a report meets: bands of ± (``relative`` |value| + ``absolute``) about its numbers."""
-    numbers = {}
-    for claim in judgement.claims:
-        for key, number in claim.all_numbers.items():
-            if math.isfinite(number.value):
-                slack = relative * abs(number.value) + absolute
-                numbers[f"{claim.id}.{key}"] = [number.value - slack, number.value + slack]
-    data: dict[str, Any] = {"about": about} if about else {}
-    data |= {"verdicts": {str(claim.id): claim.verdict for claim in judgement.claims}, "numbers": numbers}
-    return json.dumps(data, indent=1, ensure_ascii=False) + "\n"

@@ -1,5 +1,7 @@
 """Forms of a report, and a report without figures: they take seconds, and are tested once."""
 
+import json
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -50,3 +52,15 @@ def _rendered(report, form) -> str:
         return form.render(page.document(report))
     with without_figures():
         return form.render(page.document(sections.report_of(report)))
+
+
+def expectation(judgement: Judgement, *, relative: float) -> str:
+    """Return the expectation a report meets: bands of ± (``relative`` |value| + 1e-9) about its numbers."""
+    numbers = {}
+    for claim in judgement.claims:
+        for key, number in claim.all_numbers.items():
+            if math.isfinite(number.value):
+                slack = relative * abs(number.value) + 1e-9
+                numbers[f"{claim.id}.{key}"] = [number.value - slack, number.value + slack]
+    data = {"verdicts": {str(claim.id): claim.verdict for claim in judgement.claims}, "numbers": numbers}
+    return json.dumps(data, indent=1, ensure_ascii=False) + "\n"

@@ -168,13 +168,13 @@ def test_a_figure_of_theory_shows_computed_numbers(answered: Judgement) -> None:
 
 
 def test_a_report_meets_its_own_expectation(answered: Judgement) -> None:
-    expected = judgement.expectation(answered, relative=1e-6)
+    expected = kit.expectation(answered, relative=1e-6)
     assert judgement.departures(answered, expected) == []
     assert len(json.loads(expected)["numbers"]) > 100
 
 
 def test_what_leaves_its_band_is_named(answered: Judgement) -> None:
-    expected = json.loads(judgement.expectation(answered, relative=1e-6))
+    expected = json.loads(kit.expectation(answered, relative=1e-6))
     verdict = answered.claims[2].verdict
     expected["verdicts"]["3"] = FAILS if verdict == HOLDS else HOLDS
     expected["numbers"]["4.exponent"] = [5.0, 6.0]
@@ -195,7 +195,7 @@ def test_an_expectation_that_checks_nothing_is_refused(answered: Judgement, text
 def test_small_study_answers_as_stored(answered: Judgement) -> None:
     """A change of the code that changes an answer is seen here.
 
-    Where the change is meant, the file is made anew: `judgement.expectation(judge([study_nc]), relative=1e-3)`.
+    Where the change is meant, the file is made anew: `kit.expectation(judge([study_nc]), relative=1e-3)`.
     """
     assert judgement.departures(answered, EXPECTED.read_text(encoding="utf-8")) == []
 
