@@ -19,6 +19,7 @@ import numpy as np
 
 from roughvol.observables.variables import VARIABLES
 from roughvol.report.figures import cases
+from roughvol.report.figures.origin import numbers_text
 from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.typing import Sides
 
@@ -75,11 +76,11 @@ class Needs:
         """Yield reasons of size, of the law, of the sweep and of records."""
         D, m = run.D, run.m
         if any(min(abs(wanted - value) for value in D) > SAME for wanted in self.D):
-            yield f"D = {listed(D)}, needs {listed(self.D)}"
+            yield f"D = {numbers_text(D)}, needs {numbers_text(self.D)}"
         if not {*self.m} <= {*m}:
-            yield f"m = {listed(m)}, needs {listed(self.m)}"
+            yield f"m = {numbers_text(m)}, needs {numbers_text(self.m)}"
         elif max(m) < self.finest:
-            yield f"m = {listed(m)}, needs m >= {self.finest}"
+            yield f"m = {numbers_text(m)}, needs m >= {self.finest}"
         if self._compares_any() and {"D": len(D), "m": len(m)}[self.by] < 2:
             yield f"one {self.by}, needs several"
         if run.seeds < self.seeds:
@@ -190,9 +191,9 @@ class Rolled(Needs):
         yield from self._of_path(run)
         if run.spectral.rolloff < self.rolloff * (1.0 - SAME):
             yield f"L/λ_r = {run.spectral.rolloff:g}, needs {self.rolloff:g}"
-        ratios = ratios_of(run).values()
+        ratios = list(ratios_of(run).values())
         if any(min(abs(ratio - wanted) for ratio in ratios) > SAME for wanted in self.ratios):
-            yield f"λ_s/δ = {listed(ratios)}, needs {listed(self.ratios)}"
+            yield f"λ_s/δ = {numbers_text(ratios)}, needs {numbers_text(self.ratios)}"
         elif max(ratios) < self.resolved * (1.0 - SAME):
             yield f"λ_s/δ = {max(ratios):g}, needs {self.resolved:g}"
         yield from self._of_solver(run)
@@ -268,13 +269,8 @@ def symbol(name: str) -> str:
     return VARIABLES[name].symbol if name in VARIABLES else name
 
 
-def listed(values: Iterable[float]) -> str:
-    """Return numbers with commas between them."""
-    return ", ".join(f"{value:g}" for value in values)
-
-
 def _text(value: str | float | Sequence[float]) -> str:
-    return value if isinstance(value, str) else listed(np.atleast_1d(value))
+    return value if isinstance(value, str) else numbers_text(np.atleast_1d(value).tolist())
 
 
 def _count(number: int, noun: str) -> str:
