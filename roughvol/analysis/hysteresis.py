@@ -12,6 +12,7 @@ from xarray import Dataset
 from roughvol.analysis.at import state_at
 from roughvol.analysis.average import average
 from roughvol.analysis.derived import derived, groups
+from roughvol.analysis.legs import along
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number, spread
 from roughvol.analysis.units import sigma
@@ -57,7 +58,7 @@ def hysteresis(run: Run, group: Dataset, several: str = "") -> Iterator[Table]:
     if len(legs) < 2:
         return
     group = _with_flow(group)
-    curves = {leg: _leg(group, leg) for leg in legs}
+    curves = {leg: along(spread(group), leg) for leg in legs}
     names = [name for name in QUANTITIES if all(name in c and bool(c[name].notnull().any()) for c in curves.values())]
     top = _top(curves.values())
     rows = []
@@ -110,7 +111,7 @@ def _by_group(elastic: Run, plastic: Run) -> Iterator[Comparison]:
 
 def _rows(pair: Sequence[tuple[Run, Dataset]]) -> Iterator[tuple[str, ...]]:
     """Yield the quantities of elastic contact and of contact that yields, at shares of the largest common pressure."""
-    hard, soft = (_leg(group, 1) for _, group in pair)
+    hard, soft = (along(spread(group), 1) for _, group in pair)
     top = _top((hard, soft))
     for share in SHARES:
         states = [_at(run, group, 1, share * top) for run, group in pair]
@@ -139,15 +140,6 @@ def _with_flow(group: Dataset) -> Dataset:
             flow = group[f"{at}{FLOW}"] * group[f"{at}{VOLUME}"] ** 3
             flows[f"{at}{FLOW}"] = flow.assign_attrs(symbol="leak along i, T_i* V*³")
     return group.assign(flows)
-
-
-def _leg(group: Dataset, leg: int) -> Dataset:
-    """Return the steps of one leg, all of them where there is one sweep."""
-    group = spread(group)
-    if "leg" not in group:
-        return group
-    steps = np.flatnonzero(group["leg"].values == leg)
-    return group.isel(step=np.arange(max(steps[0] - 1, 0), steps[-1] + 1))  # from the state in which the leg begins
 
 
 def _top(curves: Iterable[Dataset]) -> float:

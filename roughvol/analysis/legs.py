@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from xarray import Dataset
 
 from roughvol.observables.variables import STATES
@@ -16,6 +17,14 @@ def first_leg(ds: Dataset) -> Dataset:
     for dim in (dim for dim in STATES if f"{dim}_step" in first):
         first = _states_until(last, first, dim)
     return first
+
+
+def along(ds: Dataset, leg: int) -> Dataset:
+    """Return the steps of a leg, from the state in which it begins; all steps of a dataset without legs."""
+    if "leg" not in ds:
+        return ds
+    steps = np.flatnonzero(ds["leg"].values == leg)
+    return ds.isel(step=slice(max(int(steps[0]) - 1, 0), int(steps[-1]) + 1))
 
 
 def _states_until(last: int, ds: Dataset, dim: str) -> Dataset:

@@ -15,6 +15,7 @@ from xarray import Dataset
 
 from roughvol.analysis.average import averages
 from roughvol.analysis.leak import counted, fluid_of
+from roughvol.analysis.legs import along
 from roughvol.analysis.tables import spread
 from roughvol.observables.variables import columns_of
 from roughvol.report.figures.curves import shown
@@ -52,9 +53,7 @@ def path_loops(ds: Dataset) -> Drawing:
     ends: list[tuple[Any, ...]] = []
     for family in some:
         for leg, dash in dashes.items():
-            begin = int(np.flatnonzero(ds["leg"].values == leg)[0])
-            steps = slice(max(begin - 1, 0), begin + int((ds["leg"] == leg).sum()))
-            part = averages(spread(family.data.isel(step=steps))[[load, *(name for name, *_ in names)]])
+            part = averages(spread(along(family.data, leg))[[load, *(name for name, *_ in names)]])
             for ax, (name, _, logarithmic) in zip(panels, names, strict=True):
                 computed = part[name].notnull().values
                 x, y = part[load].values[computed], part[name].values[computed]
