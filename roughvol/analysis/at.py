@@ -337,10 +337,15 @@ def _empty(data: Dataset, group: Dataset, alone: list[int]) -> None:
             variable.values[alone] = np.nan
 
 
+def recorded_labels(group: Dataset) -> list[str]:
+    """Return the labels of the recorded states of a group, each once."""
+    return list(dict.fromkeys(text for dim in STATES if dim in group.dims for text in group[dim].values.tolist()))
+
+
 def _label(run: Run, group: Dataset, level: Level, leg: int) -> str:
     """Return the label of the recorded state of a level on a leg, in whatever unit a study gives it; else its own."""
     label = level.label if leg == 1 or level.kind in ("last", "step") else replace(level, leg=leg).label
-    labels = dict.fromkeys(text for dim in STATES if dim in group.dims for text in group[dim].values.tolist())
+    labels = recorded_labels(group)
     if label in labels or not _is_stored(level):
         return label
     by_surface = scales(run, group)

@@ -12,7 +12,7 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis import leak
-from roughvol.analysis.at import RULE, State, at, legs_of
+from roughvol.analysis.at import RULE, State, at, legs_of, recorded_labels
 from roughvol.analysis.average import average, is_flow
 from roughvol.analysis.derived import check_pressed, derived, groups
 from roughvol.analysis.legs import first_leg
@@ -102,8 +102,7 @@ def summary(run: Run) -> list[Table]:
 
 def _chief(run: Run, group: Dataset) -> Iterator[State]:
     """Yield the levels asked for that any surface reaches, then the end of each leg, or all listed loads."""
-    labels = [str(label) for dim in STATES if dim in group.dims for label in group[dim].values.tolist()]
-    for label in dict.fromkeys(labels):
+    for label in recorded_labels(group):
         if "=" in label and not label.startswith("step"):
             with contextlib.suppress(DatasetError):  # the summary of a run names levels that no surface reaches
                 yield at(run, group, parse(label))
