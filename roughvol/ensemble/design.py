@@ -184,11 +184,8 @@ def next_counts(estimates: Sequence[MeanEstimate], levels: Sequence[int], existi
 
 def _goal(estimates: Sequence[MeanEstimate], existing: Sequence[int]) -> list[int]:
     """Return the samples of each level that the estimates not yet reached require in the end."""
-    counts = list(existing)
-    for estimate in estimates:
-        if not estimate.reached:
-            counts = [max(pair) for pair in zip(counts, _required(estimate, existing), strict=True)]
-    return counts
+    required = [_required(estimate, existing) for estimate in estimates if not estimate.reached]
+    return [max(numbers) for numbers in zip(existing, *required, strict=True)]
 
 
 def _required(estimate: MeanEstimate, existing: Sequence[int]) -> list[int]:
