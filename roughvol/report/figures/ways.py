@@ -21,7 +21,7 @@ from xarray import DataArray, Dataset
 
 from roughvol.analysis.at import MADE, place_of
 from roughvol.analysis.average import RANGE
-from roughvol.analysis.closing import LOADS, solved_loads
+from roughvol.analysis.closing import LOADS, solved_loads, span_of
 from roughvol.analysis.leak import LIFTED, STATE, is_lifted, with_closed
 from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES
@@ -66,10 +66,10 @@ def way(load: Array, value: Array) -> Way:
     """Return the way of states in the order of loading; those without a value are not computed."""
     mask = np.isfinite(load) & np.isfinite(value)
     load, value = load[mask], value[mask]
-    open_ = np.flatnonzero(value > 0.0)
-    last = int(open_[-1]) if open_.size else -1
-    closed = float(load[last + 1]) if last + 1 < load.size else math.nan
-    return Way(load[open_], value[open_], closed, float(load[-1]) if load.size else math.nan)
+    open_, span = value > 0.0, span_of(value, load)
+    if span is None:
+        return Way(load, value, math.nan)
+    return Way(load[open_], value[open_], span.closed_from if span.closes else math.nan, float(load[-1]))
 
 
 def ways(family: Family, x: str, name: str, direction: str) -> list[Way]:
