@@ -12,6 +12,7 @@ from xarray import Dataset
 
 from roughvol.analysis.at import legs_of
 from roughvol.analysis.leak_card import Beside, Card, SealLeak, Way
+from roughvol.analysis.seal import sizes_of
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number, rounded
 from roughvol.campaign import validity
@@ -319,10 +320,9 @@ def patch(card: Card) -> str:
 def _size(table: Dataset, unit: str) -> str:
     """Return length and width of a surface in words."""
     L = float(table["L"])
-    rows, columns = (int(table[name]) for name in ("nodes_x", "nodes_y"))
-    less = 0 if "periodic" in table.attrs else 1
+    ((rows, columns),) = sizes_of(table)
     words = f" {unit_text(unit)}" if unit else " (unit of L)"
-    return f"{number(L)} × {number(L * (columns - less) / (rows - less))}{words}"
+    return f"{number(L)} × {number(L * columns / rows)}{words}"
 
 
 def rests_on(fine: Sequence[Dataset]) -> tuple[list[tuple[str, str]], list[str], list[str]]:
