@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roughvol.analysis.leak import is_lifted
-from roughvol.analysis.leak_budget.state import Loaded, closing_of, log_ratio, part_of_surfaces
+from roughvol.analysis.leak_budget.state import Loaded, closing_of, log_of, log_ratio, part_of_surfaces
 from roughvol.analysis.leak_card import Part
 from roughvol.analysis.tables import number
 
@@ -24,8 +24,7 @@ class Levelled:
 
     def of_load(self, axis: str) -> float:
         """Return the logarithm of what the levelling does to the closing load; NaN where it is not known."""
-        here, there = (closing_of(some, axis).value for some in (self.before, self.after))
-        return math.log(there / here) if here > 0.0 and there > 0.0 else math.nan
+        return log_of(closing_of(self.before, axis).value, closing_of(self.after, axis).value)
 
 
 def levelling_part_of_load(levelled: Levelled, axis: str) -> Part:
@@ -64,5 +63,4 @@ def _log_of_levelling(surface: Loaded, before: Loaded, after: Loaded, axis: str)
     if not surface.leads or is_lifted(surface.table) or not (0.0 < known < math.inf and 0.0 < closes < math.inf):
         return log_ratio(before, after, axis)
     load = surface.load * closes / known
-    here, there = (grid.leak_at(axis, load) for grid in (before, after))
-    return math.log(there / here) if here > 0.0 and there > 0.0 else math.nan
+    return log_of(before.leak_at(axis, load), after.leak_at(axis, load))

@@ -216,7 +216,11 @@ def closing_of(surfaces: Sequence[Loaded], axis: str) -> Closing:
 
 def log_ratio(surface: Loaded, other: Loaded, axis: str) -> float:
     """Return the logarithm of the leak of another run over that on the finest grid; not finite without both."""
-    here, there = surface.leak(axis), other.leak(axis)
+    return log_of(surface.leak(axis), other.leak(axis))
+
+
+def log_of(here: float, there: float) -> float:
+    """Return the logarithm of a leak or a load over another; NaN where one of them is 0 or not known."""
     return math.log(there / here) if here > 0.0 and there > 0.0 else math.nan
 
 
