@@ -70,6 +70,11 @@ class WithParts:
         """All parts together: the number may be as many times smaller; infinite where it may be 0."""
         return together(self.parts)[0]
 
+    @property
+    def unknown(self) -> str:
+        """The names of the parts that are not known."""
+        return ", ".join(part.name for part in self.parts if not part.known)
+
 
 @dataclass(frozen=True)
 class Closing(WithParts):
@@ -115,7 +120,7 @@ class Closing(WithParts):
         ends = self.interval
         error = f", between {self._range(*ends)}" if all(map(math.isfinite, ends)) else ""
         if self.parts and not error:
-            error = f", its error is not known ({', '.join(part.name for part in self.parts if not part.known)})"
+            error = f", its error is not known ({self.unknown})"
         if len(self.spans) == 1:
             return f"{at}{error}"
         if still:

@@ -17,6 +17,7 @@ from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number, rounded
 from roughvol.campaign import validity
 from roughvol.observables.variables import AXES
+from roughvol.report.figures.origin import region_of
 from roughvol.report.figures.style import unit_text
 from roughvol.report.run_facts import facts
 from roughvol.store.stamped_file import digest_of
@@ -30,7 +31,6 @@ TIMES = ((1.0, ""), (1000.0, "1000 s"), (86400.0, "a day"), (31557600.0, "a year
 VOLUMES = ("um^3", "mm^3", "ml", "l", "m^3")
 LEAST, MOST = 0.1, 1000.0  # amounts that a person reads
 DIGITS = 16  # of a sha256 that are shown
-WHOLE = ("", "x/L_x 0 to 1, y/L_y 0 to 1")  # regions that leave nothing out
 SAME = 1e-3  # relative difference of loads that are shown as the same
 NOT_OF_A_CARD = ("File", "States", "Comment", "Seal")  # facts of a run that a card leaves out, or has elsewhere
 FLUID = ("Leak rate", "Fluid pressure", "Gas")  # facts of the flow, which a terminal shows too
@@ -125,8 +125,7 @@ def _counts(way: Way) -> str:
 
 def _unknown(way: Way) -> str:
     """Return the parts of the error of a leak that are not known; those of a closed way are of its closing load."""
-    unknown = [part.name for part in way.parts if not part.known and way.leak.value > 0.0]
-    return f"its error is not known ({', '.join(unknown)})" if unknown else ""
+    return f"its error is not known ({way.unknown})" if way.unknown and way.leak.value > 0.0 else ""
 
 
 def tight(way: Way, *, legs: bool = False) -> str:
@@ -137,9 +136,9 @@ def tight(way: Way, *, legs: bool = False) -> str:
     closing = way.closing
     if not closing.closed or not math.isfinite(closing.value):  # not followed, or surfaces that stay open
         return f"{ON_LEG if legs else ''} {closing.words}".strip() if closing.spans else ""
-    unknown = ", ".join(part.name for part in closing.parts if not part.known)
     mean = f"{' in the mean' if len(closing.spans) > 1 else ''}{ON_LEG if legs else ''}"
-    return _tight_above(closing.value, closing.interval, closing.unit, mean, f"({unknown})" if unknown else "")
+    unknown = f"({closing.unknown})" if closing.unknown else ""
+    return _tight_above(closing.value, closing.interval, closing.unit, mean, unknown)
 
 
 def _tight_above(load: float, ends: tuple[float, float], unit: str, mean: str = "", unknown: str = "") -> str:
@@ -308,8 +307,8 @@ def patch(card: Card) -> str:
     """Return of which patch the leaks are, in a sentence."""
     sizes = {_size(surface.table, card.length_unit) for surface in card.surfaces}
     each = "each surface" if len(card.surfaces) > 1 else "the surface"
-    region = str(card.surfaces[0].table.attrs.get("region", ""))
-    inside = f", observed in its region {region}" if region not in WHOLE else ""
+    region = region_of(card.surfaces[0].table)
+    inside = f", observed in its region {region}" if region else ""
     named = " or ".join(sorted(sizes))
     leak, other = "The leak", ", not that of a seal of many patches"
     if card.seal is not None:
