@@ -26,6 +26,7 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis import leak
+from roughvol.analysis.derived import P, V
 from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
@@ -37,7 +38,6 @@ from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, Study, 
 from roughvol.study.values.state_kinds import LOAD_OF_REGION, REACHED, slack
 from roughvol.typing import Array, Mask
 
-P, V = "mean_pressure", "free_volume"
 BY_LOGARITHM = (*leak.FLOWS, "critical_opening", "critical_opening_dry", "critical_gap")
 WAYS = ("open", "open_dry", "percolates")  # a way that closes between two steps is closed from the second step on
 # in units, of starred numbers

@@ -18,7 +18,7 @@ from roughvol.study import Study, convert
 from roughvol.study.values.units import in_unit
 
 P, V = "mean_pressure", "free_volume"
-ROUNDING = 1e-12
+ROUNDING = 1e-12  # a starred number below is 0 to rounding: the mean plane, an unloaded surface
 CONDUCTIVITY = "W/m/K"
 
 

@@ -11,7 +11,7 @@ from xarray import Dataset
 
 from roughvol.analysis.at import state_at
 from roughvol.analysis.average import average
-from roughvol.analysis.derived import derived, groups
+from roughvol.analysis.derived import P, derived, groups
 from roughvol.analysis.legs import along
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number, spread
@@ -19,7 +19,6 @@ from roughvol.analysis.units import sigma
 from roughvol.errors import DatasetError
 from roughvol.study import Level
 
-P = "mean_pressure"
 FLOW, VOLUME = "transmissivity", "free_volume"
 QUANTITIES = (f"{FLOW}_x", f"{FLOW}_y", VOLUME, "contact_area_fraction")  # the flow is T* V*³
 SHARES = (0.25, 0.5, 0.75, 1.0)  # of the largest pressure that both have

@@ -10,6 +10,7 @@ from typing import Any
 
 from xarray import Dataset
 
+from roughvol.analysis.closing import LOADS
 from roughvol.analysis.leak_card import Card, SealLeak, Way
 from roughvol.analysis.tables import Table, number
 from roughvol.report import card_text, html
@@ -20,7 +21,6 @@ from roughvol.store import stamped_file
 
 NARROW = "\u00a0"  # keeps a factor on one line
 NONE_EXCEEDED = "No limit of the model is exceeded among those compared."
-LOADS = ("nominal_pressure", "mean_pressure")  # of the plain data of a card
 NUMBERS = (  # heads of the numbers of cards as CSV
     *("card", "load", "surfaces", *LOADS, "of", "axis"),
     *("leak", "leak_lower", "leak_upper", "leak_unit"),

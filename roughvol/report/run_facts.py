@@ -18,7 +18,7 @@ from xarray import Dataset
 
 from roughvol.analysis import leak
 from roughvol.analysis.closing import load_of, spans
-from roughvol.analysis.derived import derived, groups, is_pressed
+from roughvol.analysis.derived import ROUNDING, P, derived, groups, is_pressed
 from roughvol.analysis.hysteresis import hysteresis
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import IN_A_ROW, with_leaks
@@ -27,7 +27,7 @@ from roughvol.analysis.tables import Table, number, range_text
 from roughvol.contact.kernels import KERNELS
 from roughvol.observables.variables import AXES
 from roughvol.report.document import Pairs
-from roughvol.report.states import ROUNDING, P, Row, States, every_step, head, sentences
+from roughvol.report.states import Row, States, every_step, head, sentences
 from roughvol.study import HeightFile, Study
 from roughvol.surfaces.surface import BEYOND, intervals
 from roughvol.typing import Array

@@ -14,7 +14,7 @@ from xarray import Dataset
 from roughvol.analysis import leak
 from roughvol.analysis.at import RULE, State, at, legs_of, recorded_labels
 from roughvol.analysis.average import average, is_flow
-from roughvol.analysis.derived import check_pressed, derived, groups
+from roughvol.analysis.derived import P, check_pressed, derived, groups
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run, answers
@@ -24,7 +24,7 @@ from roughvol.errors import DatasetError, warn
 from roughvol.observables.stiffness import stiffness_exponent, without_every_second
 from roughvol.observables.variables import STATES
 from roughvol.report.run_facts import closing
-from roughvol.report.states import Columns, P, Row, States, every_step, of_all
+from roughvol.report.states import Columns, Row, States, every_step, of_all
 from roughvol.store.variants import parts_of
 from roughvol.study import Level, Quantity, parse
 from roughvol.study.plain_data import finite

@@ -12,12 +12,12 @@ from xarray import Dataset, Variable
 from roughvol.analysis import leak
 from roughvol.analysis.at import State
 from roughvol.analysis.average import IN_WORDS, average, is_flow
+from roughvol.analysis.derived import ROUNDING, P
 from roughvol.analysis.seal import LEAKS, UNKNOWN
 from roughvol.analysis.tables import Table, by_direction, number
 from roughvol.observables.variables import QUANTITIES, columns
 from roughvol.typing import Array
 
-P = "mean_pressure"
 IN_PLACE: Mapping[str, Mapping[str, str]] = {
     "short": {"nominal_pressure": P},
     "states": {"nominal_pressure": P, "leak_rate_x": "transmissivity"},
@@ -25,7 +25,6 @@ IN_PLACE: Mapping[str, Mapping[str, str]] = {
 """By table: a column with a unit that stands in the place of starred columns, which stay in study.nc."""
 STARRED = ("separation", "mean_plane_separation", "indentation", P)
 ROUGH = 1.1  # factor between the flows of two steps, from which on a reading between them is noted
-ROUNDING = 1e-12  # a starred number below is 0 to rounding: the mean plane, an unloaded surface
 NO_FLOW = (
     "A flow is missing where a step around a state has none: roughvol show without --at lists the steps with flows."
 )
