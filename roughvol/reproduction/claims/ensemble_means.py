@@ -15,12 +15,12 @@ from xarray import Dataset
 
 from roughvol.ensemble.multilevel import half_width
 from roughvol.reproduction.claim_run import ClaimRun
+from roughvol.reproduction.claims.evidence import A, V
+from roughvol.reproduction.claims.many_seeds import FEW
 from roughvol.reproduction.claims.verdict import Number, above
 from roughvol.study.values.state_kinds import STATE_KINDS, parse
 from roughvol.study.values.units import unit_of
 
-SEEDS = 10  # surfaces of the paper's Monte Carlo
-V, A = "free_volume", "contact_area_fraction"
 HEAD = ("Statement", "mean", "with ten seeds", "verdict", "with the ensemble", "verdict")
 VERDICTS = {True: "holds", False: "does not hold", None: "undecided"}
 NOTE = (
@@ -129,7 +129,7 @@ def _mean_of(state: Dataset, name: str) -> _Mean:
     interval = state[f"{name}_interval"]
     half = 0.5 * float(interval.sel(bound="upper") - interval.sel(bound="lower"))
     scatter = math.sqrt(float(state[f"{name}_level_variance"].isel(m=-1)))
-    return _Mean(float(state[f"{name}_mean"]), half_width(scatter, SEEDS), half)
+    return _Mean(float(state[f"{name}_mean"]), half_width(scatter, FEW), half)
 
 
 def _of_step(state: Dataset, name: str) -> tuple[float, float]:
@@ -137,7 +137,7 @@ def _of_step(state: Dataset, name: str) -> tuple[float, float]:
     residual = float(state[f"{name}_level_residual"].isel(m=-1))
     samples = max(float(state["ensemble_samples"].isel(m=-1)), 2.0)
     scatter = math.sqrt(residual)
-    return half_width(scatter, SEEDS), half_width(scatter, samples)
+    return half_width(scatter, FEW), half_width(scatter, samples)
 
 
 def _words(at: str) -> str:
