@@ -83,7 +83,7 @@ def density_by_D(given: Given) -> Outcome:
             inner_peaks.append(f"{D:g}")
     for low, high in pairwise(run.D):
         pair = f"at D = {high:g} over that at {low:g}"
-        largest = ratio(f"vmax_{low:g}_{high:g}", f"v_max {pair}", _largest(*data[high]) / _largest(*data[low]))
+        largest = ratio(f"vmax_{low:g}_{high:g}", f"v_max {pair}", data[high][1][:, -1] / data[low][1][:, -1])
         slopes = ratio(f"slope_{low:g}_{high:g}", f"slope of f {pair}", _slopes(*data[high]) / _slopes(*data[low]))
         checks.append(Check.above(f"v_max grows from D = {low:g} to {high:g}", largest, 1.0))
         checks.append(Check.below(f"f is flatter at D = {high:g} than at {low:g}", slopes, 1.0))
@@ -106,11 +106,6 @@ def density_by_D(given: Given) -> Outcome:
     else:
         why += "; f is largest at 0 for every D."
     return Outcome(checks, why, [run], numbers)
-
-
-def _largest(f: Array, edges: Array) -> Array:
-    """Return v_max of each surface."""
-    return edges[:, -1]
 
 
 def _slopes(f: Array, edges: Array) -> Array:
