@@ -32,7 +32,6 @@ class Spread:
     ``missed`` is the share of sets of ten whose own t interval does not contain the mean of all.
     """
 
-    key: str
     name: str
     many: Number
     one: tuple[float, float]
@@ -47,7 +46,6 @@ class Flip:
     name: str
     one: float
     ten: float
-    n: int
 
 
 class ManySeeds(NamedTuple):
@@ -85,7 +83,7 @@ def _flip(name: str, smaller: Array, larger: Array, sets: np.ndarray, others: np
     wrong_pairs = larger[:, np.newaxis] < smaller
     different_seeds = ~np.eye(seeds, dtype=bool)
     wrong_means = larger[others].mean(axis=1) < smaller[sets].mean(axis=1)
-    return Flip(name, float(wrong_pairs[different_seeds].mean()), float(wrong_means.mean()), seeds)
+    return Flip(name, float(wrong_pairs[different_seeds].mean()), float(wrong_means.mean()))
 
 
 def _quantities(run: ClaimRun) -> Iterator[tuple[str, tuple[str, Array]]]:
@@ -107,7 +105,7 @@ def _spread(key: str, name: str, values: Array, sets: np.ndarray) -> Spread:
     means = drawn.mean(axis=1)
     half_widths = half_width(drawn.std(axis=1, ddof=1), FEW)
     missed = np.abs(means - many.value) > half_widths
-    return Spread(key, name, many, _middle(values), _middle(means), float(missed.mean()))
+    return Spread(name, many, _middle(values), _middle(means), float(missed.mean()))
 
 
 def _middle(sample: Array) -> tuple[float, float]:
