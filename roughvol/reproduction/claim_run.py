@@ -7,6 +7,8 @@ import math
 import numpy as np
 
 from roughvol.analysis.stored_run import Run
+from roughvol.study.values.state_kinds import STATE_KINDS, parse
+from roughvol.study.values.units import unit_of
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array
@@ -65,3 +67,12 @@ class ClaimRun(Run):
     def seed_numbers(self) -> list[int]:
         """Return the seeds."""
         return [int(seed) for seed in self.dataset["seed"].values]
+
+
+def state_words(at: str) -> str:
+    """Return a state in symbols: p* = 0.1, or p = 0.1 MPa."""
+    kind, _, value = at.partition("=")
+    if kind not in STATE_KINDS:
+        return kind
+    symbol = STATE_KINDS[kind].symbol
+    return f"{symbol if unit_of(parse(at).value) is None else symbol.split('/')[0].rstrip('*')} = {value}"

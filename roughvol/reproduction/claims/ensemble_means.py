@@ -14,12 +14,10 @@ from dataclasses import dataclass
 from xarray import Dataset
 
 from roughvol.ensemble.multilevel import half_width
-from roughvol.reproduction.claim_run import ClaimRun
+from roughvol.reproduction.claim_run import ClaimRun, state_words
 from roughvol.reproduction.claims.evidence import A, V
 from roughvol.reproduction.claims.many_seeds import FEW
 from roughvol.reproduction.claims.verdict import Number, above
-from roughvol.study.values.state_kinds import STATE_KINDS, parse
-from roughvol.study.values.units import unit_of
 
 HEAD = ("Statement", "mean", "with ten seeds", "verdict", "with the ensemble", "verdict")
 VERDICTS = {True: "holds", False: "does not hold", None: "undecided"}
@@ -88,7 +86,7 @@ def _volumes_by_D(ds: Dataset) -> Iterator[tuple[str, _Mean]]:
             grown = _Mean(
                 other.value - one.value, math.hypot(one.ten, other.ten), math.hypot(one.ensemble, other.ensemble)
             )
-            yield f"V* at {_words(at)} grows from D = {low:g} to {high:g}", grown
+            yield f"V* at {state_words(at)} grows from D = {low:g} to {high:g}", grown
 
 
 def _steps_in_m(ds: Dataset) -> Iterator[tuple[str, _Mean]]:
@@ -101,7 +99,7 @@ def _steps_in_m(ds: Dataset) -> Iterator[tuple[str, _Mean]]:
         ten, ensemble = _of_step(state, V)
         m = int(ds["m"].values[-1])
         step = _Mean(1.0 - fine / coarse, ten / abs(coarse), ensemble / abs(coarse))
-        yield f"V* at {_words(at)} falls from m = {m - 1} to {m}, D = {D:g} (share)", step
+        yield f"V* at {state_words(at)} falls from m = {m - 1} to {m}, D = {D:g} (share)", step
 
 
 def _exponents(ds: Dataset) -> Iterator[tuple[str, _Mean]]:
@@ -114,7 +112,7 @@ def _exponents(ds: Dataset) -> Iterator[tuple[str, _Mean]]:
         ten, ensemble = _of_step(state, A)
         scale = math.log(2.0) * abs(fine)
         n = _Mean(math.log2(coarse / fine), ten / scale, ensemble / scale)
-        yield f"n > 0 in A*/p* ~ δ^n at {_words(at)}, D = {D:g}", n
+        yield f"n > 0 in A*/p* ~ δ^n at {state_words(at)}, D = {D:g}", n
 
 
 def _states(ds: Dataset, name: str) -> Iterator[tuple[float, str, Dataset]]:
@@ -138,12 +136,3 @@ def _of_step(state: Dataset, name: str) -> tuple[float, float]:
     samples = max(float(state["ensemble_samples"].isel(m=-1)), 2.0)
     scatter = math.sqrt(residual)
     return half_width(scatter, FEW), half_width(scatter, samples)
-
-
-def _words(at: str) -> str:
-    """Return a state in symbols: p* = 0.1, or p = 0.1 MPa."""
-    kind, _, value = at.partition("=")
-    if kind not in STATE_KINDS:
-        return kind
-    symbol = STATE_KINDS[kind].symbol
-    return f"{symbol if unit_of(parse(at).value) is None else symbol.split('/')[0].rstrip('*')} = {value}"

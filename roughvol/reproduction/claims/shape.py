@@ -10,13 +10,12 @@ import numpy as np
 
 from roughvol.gap.free_volume import domain, element_volumes, free_volume
 from roughvol.report.figures.cases import nearest
-from roughvol.reproduction.claim_run import ClaimRun
+from roughvol.reproduction.claim_run import ClaimRun, state_words
 from roughvol.reproduction.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, claim, nearest_state, require
 from roughvol.reproduction.claims.statistics import exact, mean, single, slope, straightness
 from roughvol.reproduction.claims.verdict import Check, Number
 from roughvol.reproduction.needs import BOXES, BY_D, FIELD, ONE_D, PAPER_A, PAPER_D, PAPER_M
 from roughvol.store.dataset import recorded_state
-from roughvol.study.values.state_kinds import STATE_KINDS
 from roughvol.surfaces.surface import intervals
 from roughvol.typing import Array, Index, Mask
 
@@ -202,7 +201,7 @@ def straight_box_counts(given: Given) -> Outcome:
         straight.append(R2.value)
         bends.append(bend.value)
     why = f"R² is {min(straight):.3f} or more, but the local dimension of one curve varies by up to {max(bends):.2f} "
-    return Outcome(checks, f"{why}({_words(label)}, D = {D:g}, m = {m}).", [run])
+    return Outcome(checks, f"{why}({state_words(label)}, D = {D:g}, m = {m}).", [run])
 
 
 @claim(15, needs=BOXES.of("box_count", states=(("box_at", "contact_area=0.1"), ("box_at", "pressure=1.2"))))
@@ -239,7 +238,7 @@ def bounds_of_dimension(given: Given) -> Outcome:
     outside, total = _outside_bounds(run, D, m)
     name = f"local dimensions of {total} below that of the contact or above 2"
     checks.append(Check("the same at every r", outside == 0, exact("outside", name, outside), essential=False))
-    why = f"The contact has dimension {contact}, v_th = max v exactly 2 ({_words(label)}, D = {D:g}, m = {m}); "
+    why = f"The contact has dimension {contact}, v_th = max v exactly 2 ({state_words(label)}, D = {D:g}, m = {m}); "
     why += f"{outside} of {total} local dimensions at all states lie outside."
     return Outcome(checks, why, [run], numbers)
 
@@ -296,7 +295,7 @@ def contact_dimension(given: Given) -> Outcome:
         rise = mean(f"rise_D{D:g}", name, dimension[D, heaviest] - dimension[D, lightest])
         checks.append(Check.above(f"rises with pressure at D = {D:g}", rise, 0.0))
     for label in (*pressures, *areas):
-        state = _words(label)
+        state = state_words(label)
         for low, high in pairwise(run.D):
             differences = dimension[high, label] - dimension[low, label]
             if np.isfinite(differences).sum() < enough:
@@ -317,11 +316,6 @@ def contact_dimension(given: Given) -> Outcome:
     why = f"At D = {smooth:g} it rises from {first:.2f} to {last:.2f} with pressure and falls with D; "
     why += f"at equal area {falling} of {len(at_equal_area)} comparisons of neighbouring D still fall."
     return Outcome(checks, why, [run], numbers)
-
-
-def _words(label: str) -> str:
-    name, _, value = label.partition("=")
-    return f"{STATE_KINDS[name].symbol} = {float(value):g}" if name in STATE_KINDS else label
 
 
 def _level(label: str) -> float:
