@@ -28,7 +28,7 @@ from roughvol.analysis.average import average
 from roughvol.analysis.leak_card import Card
 from roughvol.analysis.leak_curve import Curve, curves, surfaces
 from roughvol.analysis.read_off import checked, errors_of, seal_words
-from roughvol.analysis.tables import Table, number, rounded
+from roughvol.analysis.tables import Table, evenly, number, rounded
 from roughvol.observables.at_state import at_state
 from roughvol.store import stamped_file
 from roughvol.study import Creep, loads, refused
@@ -171,8 +171,7 @@ def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float])
 
 def loads_of_cards(over_time: History) -> list[float]:
     """Return nominal pressures for leak cards, rising: those of all times, or of a few from the first to the last."""
-    every = over_time.equivalent
-    chosen = every if every.size <= CARDS else every[np.linspace(0, every.size - 1, CARDS).round().astype(int)]
+    chosen = over_time.equivalent[evenly(over_time.equivalent.size, CARDS)]
     return sorted({float(f"{load:.5g}") for load in chosen})
 
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 from xarray import Dataset, Variable
 
 from roughvol.observables.variables import AXES, along
@@ -60,6 +61,11 @@ def number(value: float, digits: int = 4) -> str:
 def _short_power(text: str) -> str:
     """Return a number in text with its power of ten without a plus and without leading zeros, as 2.2e-5 and 9.3e12."""
     return re.sub(r"e\+?(-?)0*", r"e\1", text)
+
+
+def evenly(count: int, most: int) -> list[int]:
+    """Return at most so many of ``count`` places, at even distances, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist()
 
 
 def range_text(counts: Sequence[int]) -> str:

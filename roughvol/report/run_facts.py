@@ -23,7 +23,7 @@ from roughvol.analysis.hysteresis import hysteresis
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.seal import IN_A_ROW, with_leaks
 from roughvol.analysis.stored_run import Run
-from roughvol.analysis.tables import Table, number, range_text
+from roughvol.analysis.tables import Table, evenly, number, range_text
 from roughvol.contact.kernels import KERNELS
 from roughvol.observables.variables import AXES
 from roughvol.report.document import Pairs
@@ -303,9 +303,8 @@ def _states(title: str, group: Dataset) -> Table | None:
         return None
     found, notes = States.of("states", ("step",), rows), []
     if len(rows) > STATES:
-        kept = np.unique(np.linspace(0, len(rows) - 1, STATES).round().astype(int)).tolist()
-        notes.append(f"{len(kept)} of {len(rows)} states; study.nc has all.")
-        found = replace(found, rows=tuple(rows[k] for k in kept))
+        found = replace(found, rows=tuple(rows[k] for k in evenly(len(rows), STATES)))
+        notes.append(f"{len(found.rows)} of {len(rows)} states; study.nc has all.")
     return found.table(title, *notes)
 
 

@@ -19,6 +19,7 @@ from matplotlib.lines import Line2D
 from xarray import Dataset
 
 from roughvol.analysis import leak
+from roughvol.analysis.tables import evenly
 from roughvol.gap.constriction import constriction
 from roughvol.observables.variables import AXES, SOLVED
 from roughvol.report.figures import ways
@@ -184,7 +185,7 @@ def seal_region(ds: Dataset) -> Drawing:
     stored = recorded.notnull().any(["seed", "region_width"])
     pressed = (family.data[A] > 0.0).all("seed")  # else there is nothing to take shares of
     steps = family.data["step"].values[(stored & pressed).values]
-    steps = steps[np.unique(np.linspace(0, len(steps) - 1, min(len(steps), STATES)).round().astype(int))]
+    steps = steps[evenly(len(steps), STATES)]
     fig = canvas(PAGE, 2.9)
     fig.shown = shown([family])
     axes = fig.subplots(1, 3 + bool(flows), sharex=True)

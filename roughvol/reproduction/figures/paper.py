@@ -20,6 +20,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from xarray import Dataset
 
+from roughvol.analysis.tables import evenly
 from roughvol.gap.free_volume import domain
 from roughvol.report.figures.cases import FINEST
 from roughvol.report.figures.curves import plot, shown
@@ -152,8 +153,7 @@ def fig01(ds: Dataset) -> Drawing:
 def fig02(ds: Dataset) -> Drawing:
     """Fig. 2: surfaces of low, middle and high D at m = 7 on one vertical scale: the rms slope grows with D."""
     some, title = families(ds, "D", "heights", m=PAPER_M)
-    chosen = dict.fromkeys(np.linspace(0, len(some) - 1, 3).round().astype(int).tolist())
-    return _gallery([some[k] for k in chosen], title)
+    return _gallery([some[k] for k in evenly(len(some), 3)], title)
 
 
 def fig03(ds: Dataset) -> Drawing:
