@@ -33,16 +33,9 @@ def _unmapped(name: str, ds: Dataset) -> str | None:
 
 
 def _ladder(ladder: str) -> Refusal:
-    """Return the refusal of datasets without a ladder of a trade-off."""
-
-    def refuse(name: str, ds: Dataset) -> str | None:
-        if "ladder" not in ds.coords:
-            return f"{name} needs a dataset of `roughvol tradeoff`"
-        if ladder not in ds["ladder"].values:
-            return f"{name} needs the ladder {ladder!r}, which a height file does not have"
-        return None
-
-    return refuse
+    """Return the refusal of trade-offs without a ladder."""
+    words = f"needs the ladder {ladder!r}, which a height file does not have"
+    return lambda name, ds: None if ladder in ds["ladder"].values else f"{name} {words}"
 
 
 REFUSALS = {
