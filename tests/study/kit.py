@@ -1,4 +1,4 @@
-"""Tables of studies, and studies that are refused."""
+"""Tables of studies, and the problems of studies that are refused."""
 
 import tomllib
 from pathlib import Path
@@ -30,7 +30,3 @@ def problems_of(text: str, file: str | Path = "a.yaml") -> tuple[Problem, ...]:
     with pytest.raises(StudyError) as caught:
         loads(text, file)
     return caught.value.problems
-
-
-def refused(text: str, file: str | Path = "a.yaml") -> str:
-    return "\n".join(str(problem) for problem in problems_of(text, file))

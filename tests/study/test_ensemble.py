@@ -4,7 +4,6 @@ import pickle
 
 import pytest
 
-from roughvol.errors import StudyError
 from roughvol.study import loads
 
 SURFACE = "surface: {D: 2.5, m: 7}\n"
@@ -77,23 +76,3 @@ def test_states_with_a_unit_are_read_as_in_a_sweep() -> None:
     assert loads(study.stored(), stored=True) == study
     listed = "sweep: {pressures: [50 kPa, 0.1 MPa]}\n"
     loads(WITH_UNIT + listed + ASKED.replace("[0.1, 0.3]", "[0.05 MPa, 100 kPa]"))
-
-
-@pytest.mark.parametrize(
-    ("sweep", "at", "message"),
-    [
-        ("to: {pressure: 0.1 MPa}", "[200 kPa]", "200 kPa is not reached: the sweep ends at pressure 0.1 MPa"),
-        ("pressures: [0.1 MPa]", "[0.1]", "0.1 is not among sweep.pressures"),
-        ("pressures: [0.1 MPa]", "[0.1 kPa]", "0.1 kPa is not among sweep.pressures"),
-        ("to: mean-plane", "[0.1 um]", "not of pressure"),
-    ],
-)
-def test_a_state_that_no_sweep_has_is_refused_with_its_unit(sweep: str, at: str, message: str) -> None:
-    with pytest.raises(StudyError) as refused:
-        loads(f"{WITH_UNIT}sweep: {{{sweep}}}\n" + ASKED.replace("[0.1, 0.3]", at))
-    assert message in str(refused.value)
-
-
-def test_a_state_with_a_unit_needs_a_modulus_with_a_unit() -> None:
-    with pytest.raises(StudyError, match="the modulus has none"):
-        loads(WITH_UNIT.replace("10 MPa", "10") + ASKED.replace("[0.1, 0.3]", "[0.05 MPa]"))

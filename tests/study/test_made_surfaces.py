@@ -8,7 +8,6 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from roughvol.campaign import checks
 from roughvol.campaign.case_surface import surface_of
 from roughvol.campaign.one_case import run_case
 from roughvol.contact.kernels import KERNELS
@@ -16,7 +15,6 @@ from roughvol.errors import StudyError
 from roughvol.store import same_study
 from roughvol.study import Case, SpectralSurface, loads
 from roughvol.study.sections.solver import FreeKernel, PeriodicKernel
-from roughvol.surfaces import texture
 from roughvol.surfaces.spectrum import Spectrum
 from tests.kit import said
 
@@ -99,28 +97,6 @@ def test_a_periodic_surface_is_stored_with_its_exact_spectrum() -> None:
     assert json.loads(result.attrs["case"])["surface"]["spectrum"]["periodic"] is True
 
 
-def test_a_periodic_surface_is_pressed_on_a_periodic_half_space() -> None:
-    text = "surface: {H: 0.8, n: 32, rolloff: 4, seeds: 1, sides: periodic}\nsweep: {steps: 3, to: {contact_area: 0.2}}"
-    (case,) = cases(text)
-    assert case.shape == (32, 32)
-    result = run_case(case).squeeze()
-    np.testing.assert_allclose(result.free_volume, result.separation, atol=2e-6)  # displacements have no mean
-    assert result.contact_area_fraction[-1] == pytest.approx(0.2, abs=2e-3)
-    (free,) = cases(text.replace(", sides: periodic", ""))
-    assert free.shape == (33, 33)
-    assert free.id != case.id
-
-
-def test_generated_and_measured_surfaces_have_a_spectrum_as_well() -> None:
-    (case,) = cases("surface: {D: 2.3, m: 5, seeds: 1}\nsweep: {steps: 0}\nrecord: {psd: true}")
-    result = run_case(case).squeeze()
-    assert 0.0 < float(result["rms_slope"]) < 2.0 * texture.Sdq(surface_of(case).heights, surface_of(case).spacing)
-
-
-def test_a_made_surface_needs_no_file() -> None:
-    assert checks.check_surfaces(loads(STUDY)) is None
-
-
 def test_another_spectrum_is_another_study() -> None:
     old, more = loads(STUDY), loads(STUDY.replace("seeds: 2", "seeds: 3"))
     assert same_study.differences(old, more) == []
@@ -140,9 +116,6 @@ def test_check_and_report_describe_a_spectrum(tmp_path: Path) -> None:
 
 # Sides
 
-GENERATED = "surface: {D: 2.3, m: 4, seeds: 1, sides: periodic}\n"
-
-
 MADE = ("surface: {D: 2.3, m: 4, seeds: 1%s}", "surface: {H: 0.8, n: 16, seeds: 1%s}")
 FILE = "surface: {file: z.npy, L: 1%s}"
 
@@ -158,6 +131,7 @@ def test_sides_are_those_given(text: str, here: Path) -> None:
         (case,) = study.cases()
         surface = surface_of(case)
         assert (study.surface.sides, case.sides, surface.sides) == (sides, sides, sides)
+        assert case.shape == surface.shape
         assert study.surface.periodic == case.periodic == surface.periodic == (sides == "periodic")
         assert loads(study.to_yaml()) == study
         assert loads(study.stored(), stored=True).surface.sides == sides

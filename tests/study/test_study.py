@@ -351,9 +351,7 @@ def test_lengths_of_a_measured_surface_come_in_one_unit(tmp_path: Path) -> None:
 def test_files_of_instruments_need_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     (tmp_path / "scan.al3d").touch()
-    with pytest.raises(StudyError) as caught:
-        loads("surface: {file: scan.al3d}", tmp_path / "study.yaml")
-    (problem,) = caught.value.problems
+    (problem,) = problems_of("surface: {file: scan.al3d}", tmp_path / "study.yaml")
     assert (problem.key, problem.line) == ("surface.file", 1)
     assert "must end in one of .npy .npz .nc .txt .csv .xyz .dat .asc .grd .gsf .tif .tiff" in problem.message
     assert "pip install 'roughvol[measured]'" in problem.message

@@ -24,7 +24,6 @@ HOLES[2, 3] = HOLES[0, 0] = HOLES[5:7, 5] = True
 def folder(tmp_path):
     np.save(tmp_path / "a.npy", FIRST)
     np.save(tmp_path / "b.npy", SECOND)
-    np.save(tmp_path / "tilted.npy", FIRST + TILT)
     np.save(tmp_path / "holed.npy", np.where(HOLES, np.nan, FIRST + TILT))
     np.save(tmp_path / "wide.npy", SECOND[:, :-1])
     return tmp_path
@@ -35,29 +34,10 @@ def _case(folder, surface, rest=""):
     return case
 
 
-def _heights(folder, surface):
-    return case_surface.surface_of(_case(folder, surface)).heights
-
-
 def test_an_untreated_file_is_pressed_bit_for_bit(folder):
     surface = case_surface.surface_of(_case(folder, "file: a.npy"))
     assert np.array_equal(surface.heights, FIRST)
     assert (surface.spacing, surface.filled) == (0.25, 0)
-
-
-@pytest.mark.parametrize(
-    ("mirror", "turned"), [("none", SECOND), ("x", SECOND[::-1]), ("y", SECOND[:, ::-1])], ids=["none", "x", "y"]
-)
-def test_two_bodies_are_the_sum_of_their_heights(folder, mirror, turned):
-    heights = _heights(folder, f"file: a.npy, against: {{file: b.npy, mirror: {mirror}}}")
-    assert np.array_equal(heights, FIRST + turned)
-
-
-def test_two_bodies_may_change_places(folder):
-    extra = ", level: tilt, low_pass: 0.75"
-    one = _heights(folder, f"file: a.npy, against: {{file: tilted.npy}}{extra}")
-    other = _heights(folder, f"file: tilted.npy, against: {{file: a.npy}}{extra}")
-    assert np.array_equal(one, other)
 
 
 def test_holes_of_both_bodies_are_counted_once(folder):
