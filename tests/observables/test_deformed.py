@@ -1,6 +1,5 @@
 """Texture and spectrum before load and under load: the deformed surface, its region, and what a study asks for."""
 
-import json
 import math
 
 import numpy as np
@@ -127,15 +126,6 @@ def test_a_flat_surface_has_no_ratios(tmp_path):
         assert not np.isnan(result["structure_function" + suffix]).any()
 
 
-def test_true_is_short_for_the_last_state_and_false_for_nothing():
-    assert _case("true").record.texture == _case("{}").record.texture == _case("{at: last}").record.texture
-    assert _case("false").record.texture is None
-    plain = TEXT.replace("texture: WHICH, ", "")
-    assert _case("false").id == loads(plain).cases()[0].id != _case("true").id
-    study = loads(TEXT.replace("WHICH", AT))
-    assert loads(study.to_yaml()) == study
-
-
 def test_its_cost_is_estimated_and_measured(result):
     assert set(estimate(loads(TEXT.replace("WHICH", AT)), jobs=1).observables) == {"fields_at", "texture"}
     assert result.observable_time.sel(observable="texture") > 0.0
@@ -185,17 +175,6 @@ def test_full_contact_leaves_no_waves():
     (case,) = loads(PERIOD + "sweep: {steps: 2}\nrecord: {psd: {at: last}}").cases()
     data = run_case(case).squeeze()
     assert float(data["rms_height_loaded"]) < 1e-9 * float(data["rms_height"])
-
-
-def test_every_request_of_a_spectrum_is_another_case():
-    records = ("psd: true", "psd: {at: last}", "psd: true, region: interior", "region: interior", "psd: false")
-    cases = [loads(f"{PERIOD}{WAVES_SWEEP}record: {{{record}}}").cases()[0] for record in records]
-    assert len({case.id for case in cases}) == len(cases)
-    for record in records:
-        study = loads(f"{PERIOD}{WAVES_SWEEP}record: {{{record}}}")
-        assert loads(study.to_yaml()) == study
-        key = json.loads(study.cases()[0].key_text)["record"]
-        assert type(study.record).model_validate(key).psd == study.record.psd  # as stored states are read
 
 
 def test_a_region_of_two_elements_is_refused():

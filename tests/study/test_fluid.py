@@ -35,13 +35,9 @@ def fluid(text: str) -> Fluid:
     return made
 
 
-def computed(text: str) -> Dataset:
-    return collected(loads(text))
-
-
 @pytest.fixture(scope="module")
 def results() -> Dataset:
-    return computed(TEXT)
+    return collected(loads(TEXT))
 
 
 @pytest.mark.parametrize(
@@ -105,7 +101,7 @@ def test_the_leak_of_a_stored_gap_is_the_throughput_of_plates_times_its_coeffici
 
 
 def test_plates_far_apart_pass_what_viscous_flow_passes() -> None:
-    wide = computed(TEXT.replace("Sq: 0.4 um, ", "Sq: 4 mm, ").replace("L: 100 um", "L: 1 m"))
+    wide = collected(loads(TEXT.replace("Sq: 0.4 um, ", "Sq: 4 mm, ").replace("L: 100 um", "L: 1 m")))
     assert_allclose(wide.gas_transmissivity.sel(axis="x"), wide.transmissivity.sel(axis="x"), rtol=1e-2)
 
 
@@ -117,7 +113,7 @@ def test_helium_and_air_differ_by_viscosity_in_wide_gaps_and_by_molar_mass_in_na
     ):
         text = TEXT.replace("Sq: 0.4 um", f"Sq: {Sq}").replace("L: 100 um", f"L: {L}")
         slip = text.replace("outlet: 1 bar", "outlet: 1 bar, law: slip")
-        light, heavy = (computed(slip.replace("helium", gas)).gas_leak_rate for gas in ("helium", "air"))
+        light, heavy = (collected(loads(slip.replace("helium", gas))).gas_leak_rate for gas in ("helium", "air"))
         assert_allclose((light / heavy).sel(axis=["x", "y"]), ratio, rtol=rtol)
 
 
@@ -125,7 +121,7 @@ def test_a_gas_changes_neither_contact_nor_closing_nor_other_flows(results: Data
     without = TEXT.replace("fluid: {gas: helium, inlet: 2 bar, outlet: 1 bar}\n", "").replace(
         ", gas_flow: every-step", ""
     )
-    plain = computed(without.replace(", gas_leak_rate: mbar*l/s", ""))
+    plain = collected(loads(without.replace(", gas_leak_rate: mbar*l/s", "")))
     for name in ("contact_area_fraction", "mean_pressure", "transmissivity", "percolates", "critical_gap"):
         np.testing.assert_array_equal(plain[name], results[name])
 
