@@ -53,6 +53,17 @@ def refused(path, pattern, variable=None, **options):
     assert str(path) in str(caught.value)
 
 
+def refusals_of(table, file="{}"):
+    """Return a test of rows (content, pattern) by name: each file is refused in these words."""
+
+    @pytest.mark.parametrize("name", table)
+    def test(tmp_path, name):
+        content, pattern = table[name]
+        refused(put(tmp_path / file.format(name), content), pattern)
+
+    return test
+
+
 def case_of(folder, surface, rest=""):
     (case,) = loads(f"surface: {{{surface}}}\n{rest}", folder / "study.yaml").cases()
     return case

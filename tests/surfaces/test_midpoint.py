@@ -7,6 +7,7 @@ import pytest
 
 from roughvol.errors import SurfaceError
 from roughvol.surfaces.midpoint import midpoint_levels, random_midpoint_displacement
+from tests.refused import refusals
 
 DIAGONAL, STRAIGHT = [(-1, -1), (-1, 1), (1, -1), (1, 1)], [(-1, 0), (1, 0), (0, -1), (0, 1)]
 
@@ -82,23 +83,22 @@ def test_midpoint_levels():
     assert np.bincount(levels.ravel()).tolist() == [4] + [n for k in range(4) for n in (4**k, 2 * 2**k * (2**k + 1))]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"D": 2.0}, r"D must be in \(2, 3\), got 2.0"),
-        ({"D": 3.0}, r"\(2, 3\)"),
-        ({"D": float("nan")}, r"\(2, 3\)"),
-        ({"D": "rough"}, "D must be a number, got 'rough'"),
-        ({"m": 0}, r"m must be an integer in \[1, 14\], got 0"),
-        ({"m": 15}, "got 15"),
-        ({"m": 2.0}, "integer"),
-        ({"seed": -1}, "seed must be an integer >= 0, got -1"),
-        ({"side": 0.0}, "side must be finite and positive, got 0.0"),
-        ({"side": float("inf")}, "side"),
-        ({"side": 10**400}, "side must be a number"),
-        ({"law": "sigma"}, "'std', 'variance', got 'sigma'"),
-    ],
+def made(D=2.3, m=3, **others):
+    return lambda: random_midpoint_displacement(D, m, **others)
+
+
+test_arguments_out_of_range = refusals(
+    SurfaceError,
+    (made(D=2.0), r"D must be in \(2, 3\), got 2.0"),
+    (made(D=3.0), r"\(2, 3\)"),
+    (made(D=float("nan")), r"\(2, 3\)"),
+    (made(D="rough"), "D must be a number, got 'rough'"),
+    (made(m=0), r"m must be an integer in \[1, 14\], got 0"),
+    (made(m=15), "got 15"),
+    (made(m=2.0), "integer"),
+    (made(seed=-1), "seed must be an integer >= 0, got -1"),
+    (made(side=0.0), "side must be finite and positive, got 0.0"),
+    (made(side=float("inf")), "side"),
+    (made(side=10**400), "side must be a number"),
+    (made(law="sigma"), "'std', 'variance', got 'sigma'"),
 )
-def test_arguments_out_of_range(arguments, words):
-    with pytest.raises(SurfaceError, match=words):
-        random_midpoint_displacement(**{"D": 2.3, "m": 3} | arguments)

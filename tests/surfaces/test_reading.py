@@ -27,6 +27,7 @@ from height_files import (
     nms,
     npy,
     put,
+    refusals_of,
     refused,
     rows,
     same,
@@ -219,41 +220,40 @@ def _huge(path):
 
 
 REFUSED = {
-    "absent.npy": ("No such file", lambda path: None),
-    "absent.x3p": ("cannot be read as .x3p: No such file", lambda path: None),
-    "folder.npy": ("Is a directory", lambda path: path.mkdir()),
-    "pickle.npy": ("cannot be read as .npy", pickle.dumps(_Trap())),
-    "objects.npz": ("Object arrays", lambda path: np.savez(path, z=np.full((3, 3), _Trap(), dtype=object))),
-    "empty.npy": ("cannot be read", b""),
-    "short.npy": ("cannot be read", npy(HEIGHTS)[:-3]),
-    "petabytes.npy": (r"\(5, 1000000000000000\); allowed: at most \d+ nodes", npy((5, 10**15)) + bytes(160)),
-    "huge.npz": (r"\(100000, 100000\); allowed: at most \d+ nodes", _huge),
-    "unclosed.npy": ("multi-line", npy(HEIGHTS).replace(b"5)", b"5 ")),
-    "vector.npy": (r"shape \(9,\)", npy(np.zeros(9))),
-    "thin.npy": (r"shape \(2, 9\)", npy(np.zeros((2, 9)))),
-    "complex.npy": ("type complex128", npy(np.zeros((3, 3), complex))),
-    "mask.npy": ("type bool, not numbers", npy(np.zeros((3, 3), bool))),
-    "long.npy": ("9 heights are missing or not finite", npy(np.full((3, 3), np.longdouble("1e400")))),
-    "text.npz": ("not a zip file", "1 2 3"),
-    "none.npz": ("arrays in the file: none", lambda path: np.savez(path)),
-    "text.nc": ("cannot be read as .nc", "1 2 3"),
+    "absent.npy": (lambda path: None, "No such file"),
+    "absent.x3p": (lambda path: None, "cannot be read as .x3p: No such file"),
+    "folder.npy": (lambda path: path.mkdir(), "Is a directory"),
+    "pickle.npy": (pickle.dumps(_Trap()), "cannot be read as .npy"),
+    "objects.npz": (lambda path: np.savez(path, z=np.full((3, 3), _Trap(), dtype=object)), "Object arrays"),
+    "empty.npy": (b"", "cannot be read"),
+    "short.npy": (npy(HEIGHTS)[:-3], "cannot be read"),
+    "petabytes.npy": (npy((5, 10**15)) + bytes(160), r"\(5, 1000000000000000\); allowed: at most \d+ nodes"),
+    "huge.npz": (_huge, r"\(100000, 100000\); allowed: at most \d+ nodes"),
+    "unclosed.npy": (npy(HEIGHTS).replace(b"5)", b"5 "), "multi-line"),
+    "vector.npy": (npy(np.zeros(9)), r"shape \(9,\)"),
+    "thin.npy": (npy(np.zeros((2, 9))), r"shape \(2, 9\)"),
+    "complex.npy": (npy(np.zeros((3, 3), complex)), "type complex128"),
+    "mask.npy": (npy(np.zeros((3, 3), bool)), "type bool, not numbers"),
+    "long.npy": (npy(np.full((3, 3), np.longdouble("1e400"))), "9 heights are missing or not finite"),
+    "text.npz": ("1 2 3", "not a zip file"),
+    "none.npz": (lambda path: np.savez(path), "arrays in the file: none"),
+    "text.nc": ("1 2 3", "cannot be read as .nc"),
     "two columns.dat": (
-        r"shape \(9, 2\); allowed: two dimensions of at least 3 nodes each; a profile is no map",
         "1 2\n" * 9,
+        r"shape \(9, 2\); allowed: two dimensions of at least 3 nodes each; a profile is no map",
     ),
 }
 OF_HEIGHTS = ("objects.npz", "short.npy", "complex.npy", "mask.npy")  # their headers are sound
+test_what_is_no_height_field_is_refused_by_name = refusals_of(
+    {k: row for k, row in REFUSED.items() if k not in OF_HEIGHTS}
+)
 
 
-@pytest.mark.parametrize("name", list(REFUSED))
-def test_what_is_no_height_field_is_refused_by_name(tmp_path, name):
-    pattern, content = REFUSED[name]
-    path = put(tmp_path / name, content)
-    if name not in OF_HEIGHTS:
-        refused(path, pattern)
-    else:
-        with pytest.raises(RoughvolError, match=pattern):
-            reading.read(path)
+@pytest.mark.parametrize("name", OF_HEIGHTS)
+def test_what_holds_no_heights_is_refused_where_they_are_read(tmp_path, name):
+    content, pattern = REFUSED[name]
+    with pytest.raises(RoughvolError, match=pattern):
+        reading.read(put(tmp_path / name, content))
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".nc"])
@@ -269,10 +269,10 @@ def test_one_of_several_arrays_is_named_or_numbered(tmp_path, suffix):
     refused(path, r"shape \(\)", "L")
 
 
-@pytest.mark.parametrize("name", ["z.npy", "rows.txt", "z.grd"])
+@pytest.mark.parametrize("name", ["z.npy", "plain.asc", "surfer-6.grd", "field.gsf"])
 def test_a_file_of_one_array_takes_no_variable(tmp_path, name):
-    content = {"z.npy": npy(HEIGHTS), "rows.txt": rows(HEIGHTS), "z.grd": surfer_6(HEIGHTS)}
-    refused(put(tmp_path / name, content[name]), "holds one array, without a name; leave out the variable 'z'", "z")
+    path = put(tmp_path / name, PLAIN[name][0])
+    refused(path, "holds one array, without a name; leave out the variable 'z'", "z")
 
 
 def test_what_roughvol_reads_itself_needs_no_library(tmp_path, monkeypatch):

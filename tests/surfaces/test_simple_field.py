@@ -1,7 +1,7 @@
 """Gwyddion Simple Field: a size is that of all pixels, and what is damaged or no map of heights is refused by name."""
 
 import pytest
-from height_files import HEIGHTS, put, refused, same, simple_field
+from height_files import HEIGHTS, put, refusals_of, same, simple_field
 
 from roughvol.surfaces.files import reading
 
@@ -25,21 +25,13 @@ def test_an_empty_field_of_the_header_takes_no_other(tmp_path, key):
     assert described.shape == plain.shape
 
 
-@pytest.mark.parametrize(
-    ("content", "pattern"),
-    [
-        (FIELD[:-4], "holds 116 bytes of heights; its header gives 6 x 5 of 4 bytes each"),
-        (FIELD.replace(b"XRes = 6", b"XRes = 0"), "needed: XRes and YRes, whole numbers above 0"),
-        (FIELD.replace(b"YRes", b"YSer"), "its header gives XRes, YSer, .* needed: XRes and YRes"),
-        (simple_field(HEIGHTS, "um", XReal="wide"), "XReal wide, YReal 2.5; allowed: numbers"),
-        (simple_field(HEIGHTS, "um", XReal=-1.0), "makes sides of -0.83.* by 2; allowed: finite and above 0"),
-        (simple_field(HEIGHTS, "um", ZUnits="V"), "ZUnits has the unit 'V'; allowed: pm"),
-        (simple_field(HEIGHTS, "um", Title="Phase"), "the field 'Phase' holds no heights, by its name"),
-    ],
-)
-def test_what_is_no_field_of_heights_is_refused(tmp_path, content, pattern):
-    refused(put(tmp_path / "z.gsf", content), pattern)
-
-
-def test_a_field_has_no_name_of_an_array(tmp_path):
-    refused(put(tmp_path / "z.gsf", FIELD), "holds one array, without a name", "z")
+REFUSED = {
+    "cut": (FIELD[:-4], "holds 116 bytes of heights; its header gives 6 x 5 of 4 bytes each"),
+    "no nodes": (FIELD.replace(b"XRes = 6", b"XRes = 0"), "needed: XRes and YRes, whole numbers above 0"),
+    "misspelt": (FIELD.replace(b"YRes", b"YSer"), "its header gives XRes, YSer, .* needed: XRes and YRes"),
+    "a word": (simple_field(HEIGHTS, "um", XReal="wide"), "XReal wide, YReal 2.5; allowed: numbers"),
+    "negative": (simple_field(HEIGHTS, "um", XReal=-1.0), "makes sides of -0.83.* by 2; allowed: finite and above 0"),
+    "volts": (simple_field(HEIGHTS, "um", ZUnits="V"), "ZUnits has the unit 'V'; allowed: pm"),
+    "phase": (simple_field(HEIGHTS, "um", Title="Phase"), "the field 'Phase' holds no heights, by its name"),
+}
+test_what_is_no_field_of_heights_is_refused = refusals_of(REFUSED, "z.gsf")

@@ -9,6 +9,7 @@ import pytest
 from roughvol.errors import SurfaceError
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
+from tests.refused import refusals
 
 BUMP = np.add.outer([0.0, 1.0, 0.0, 2.0], [0.0, 3.0, 1.0])
 ROUGH = random_midpoint_displacement(2.5, 4, seed=1).heights
@@ -27,30 +28,28 @@ def test_a_surface_owns_read_only_contiguous_float64():
             heights[0, 0] = 1.0
 
 
-@pytest.mark.parametrize(
-    ("heights", "words"),
-    [
-        (np.zeros(9), r"2-D .* shape \(9,\)"),
-        (np.zeros((2, 5)), r"shape \(2, 5\)"),
-        (np.where(BUMP == 4.0, np.nan, BUMP), r"1 NaN or infinite out of 12, the first at \[1, 1\] \(nan\)"),
-        (np.where(BUMP >= 3.0, -np.inf, BUMP), r"5 NaN or infinite .* \[0, 1\] \(-inf\)"),
-        (BUMP + 0j, "real numbers"),
-        ([["a"] * 3] * 3, "real numbers"),
-        ([[1.0, 2.0], [1.0]], "2-D array of numbers"),
-        (np.ma.masked_equal(BUMP, 0.0), "2 are masked"),
-        (np.where(BUMP > 2.0, 1e308, -1e308), "finite range"),
-        (1e-300 * BUMP, r"the range of the heights is 5e-300; allowed: 0 \(flat\), or at least 1e-290"),
-    ],
+test_what_is_no_surface_and_has_no_scale_is_refused = refusals(
+    SurfaceError,
+    (lambda: Surface(np.zeros(9), 1.0), r"2-D .* shape \(9,\)"),
+    (lambda: Surface(np.zeros((2, 5)), 1.0), r"shape \(2, 5\)"),
+    (
+        lambda: Surface(np.where(BUMP == 4.0, np.nan, BUMP), 1.0),
+        r"1 NaN .* out of 12, the first at \[1, 1\] \(nan\)",
+    ),
+    (lambda: Surface(np.where(BUMP >= 3.0, -np.inf, BUMP), 1.0), r"5 NaN or infinite .* \[0, 1\] \(-inf\)"),
+    (lambda: Surface(BUMP + 0j, 1.0), "real numbers"),
+    (lambda: Surface([["a"] * 3] * 3, 1.0), "real numbers"),
+    (lambda: Surface([[1.0, 2.0], [1.0]], 1.0), "2-D array of numbers"),
+    (lambda: Surface(np.ma.masked_equal(BUMP, 0.0), 1.0), "2 are masked"),
+    (lambda: Surface(np.where(BUMP > 2.0, 1e308, -1e308), 1.0), "finite range"),
+    (
+        lambda: Surface(1e-300 * BUMP, 1.0),
+        r"the range of .* is 5e-300; allowed: 0 \(flat\), or at least 1e-290",
+    ),
+    *((lambda at=at: Surface(BUMP, at), "spacing must be") for at in (0.0, -1.0, math.nan, math.inf, "wide")),
+    (lambda: Surface(np.zeros((4, 4)), 1.0).scaled(7.0), "the surface is flat, Sq is 0"),
+    (lambda: Surface(BUMP, 1.0).scaled(-7.0), r"Sq must be finite and positive, got -7\.0"),
 )
-def test_heights_refused(heights, words):
-    with pytest.raises(SurfaceError, match=words):
-        Surface(heights, 1.0)
-
-
-def test_spacing_refused():
-    for spacing in (0.0, -1.0, math.nan, math.inf, "wide"):
-        with pytest.raises(SurfaceError, match="spacing must be"):
-            Surface(BUMP, spacing)
 
 
 def test_Sq_is_the_deviation_about_the_mean_plane_and_extremes_are_in_its_unit():
@@ -62,13 +61,9 @@ def test_Sq_is_the_deviation_about_the_mean_plane_and_extremes_are_in_its_unit()
     assert surface.scaled(7.0).Sq == pytest.approx(7.0, rel=1e-15)
 
 
-def test_scaled_heights_keep_what_is_known_of_them_and_a_plane_has_no_scale():
+def test_scaled_heights_keep_what_is_known_of_them():
     measured = Surface(BUMP, 1.0, filled=3, outliers=2, peak_before=9.0).scaled(7.0)
     assert (measured.filled, measured.outliers, measured.peak_before) == (3, 2, 9.0)
-    with pytest.raises(SurfaceError, match="the surface is flat, Sq is 0"):
-        Surface(np.zeros((4, 4)), 1.0).scaled(7.0)
-    with pytest.raises(SurfaceError, match=r"Sq must be finite and positive, got -7\.0"):
-        Surface(BUMP, 1.0).scaled(-7.0)
 
 
 def test_Sq_scales_exactly_with_powers_of_two_and_to_rounding_otherwise():

@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 import pytest
-from height_files import HEIGHTS, HOLED, case_of, put, refused, same, surfer_6, surfer_7, surfer_text
+from height_files import HEIGHTS, HOLED, case_of, put, refusals_of, same, surfer_6, surfer_7, surfer_text
 
 from roughvol.campaign import case_surface
 from roughvol.surfaces.files import reading
@@ -68,9 +68,4 @@ REFUSED = {
     "version 7": (surfer_7(HEIGHTS, version=3), r"version 3; allowed: 1 and 2"),
     "count 7": (SEVEN.replace(struct.pack("<2i", 5, 6), struct.pack("<2i", 5, 7)), r"240 bytes of heights; .* 7 x 5"),
 }
-
-
-@pytest.mark.parametrize("name", list(REFUSED))
-def test_a_grid_that_may_be_misread_is_refused_by_name(tmp_path, name):
-    content, pattern = REFUSED[name]
-    refused(put(tmp_path / "z.grd", content), pattern)
+test_a_grid_that_may_be_misread_is_refused_by_name = refusals_of(REFUSED, "z.grd")

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from height_files import GWYDDION, HEIGHTS, HOLED, POINTS, case_of, put, refused, rows, same
+from height_files import GWYDDION, HEIGHTS, HOLED, POINTS, case_of, put, refusals_of, refused, rows, same
 
 from roughvol.surfaces import length_units
 from roughvol.surfaces.files import reading
@@ -14,7 +14,10 @@ INSIST = r".*surface\.columns: heights"
 
 @pytest.mark.parametrize(
     ("hole", "between"),
-    [("***", " "), ("BAD", ";"), ("NaN", ","), ("--", " "), ("#N/A", ";"), ("inf", ","), ("-9999", " "), ("1e38", ",")],
+    [
+        *(("***", " "), ("BAD", ";"), ("NaN", ","), ("--", " "), ("#N/A", ";"), ("inf", ","), ("-9999", " ")),
+        *(("1e38", ","), ("-1.#IND", ",")),
+    ],
 )
 def test_marks_of_missing_heights_are_holes(tmp_path, hole, between):
     path = put(tmp_path / "z.txt", rows(HOLED, between, hole))
@@ -37,11 +40,24 @@ def test_three_columns_that_are_no_grid_are_refused_unless_the_user_insists(tmp_
     same(path, HEIGHTS[:, :3], columns="heights")
 
 
-@pytest.mark.parametrize("axis", [0, 1])
-def test_tilted_grooves_are_heights(tmp_path, axis):
-    x, y = np.indices((12, 12))
-    grooves = np.sin(x) + 0.25 * y if axis else np.sin(y) + 0.25 * x
-    same(put(tmp_path / "grooves.csv", rows(grooves, ";")), grooves)
+ALONG, ACROSS = np.indices((12, 12))
+GROOVES = np.sin(ALONG) + 0.25 * ACROSS
+SLOPE = np.round(0.31 * ALONG + 0.17 * ACROSS + 0.04 * np.sin(3 * ALONG * ACROSS), 1)
+LATE = np.vstack([np.zeros((60, 4)), np.full((3, 4), 0.5)])
+READ = {
+    "tilted grooves": (rows(GROOVES, ";"), GROOVES),
+    "tilted grooves along y": (rows(GROOVES.T, ";"), GROOVES.T),
+    "a coarsely printed slope": (rows(SLOPE), SLOPE),
+    "a minus sign of typesetting": (rows(HEIGHTS).replace("-", "\u2212"), HEIGHTS),
+    "decimal commas that begin late": (60 * "0 0 0 0\n" + 3 * "0,5 0,5 0,5 0,5\n", LATE),
+    "infinite heights at an edge": ("inf inf 1 2 3\n" + rows(HEIGHTS), np.vstack([[np.nan] * 2 + [1, 2, 3], HEIGHTS])),
+}
+
+
+@pytest.mark.parametrize("name", READ)
+def test_numbers_in_rows_are_heights(tmp_path, name):
+    text, expected = READ[name]
+    same(put(tmp_path / "z.txt", text), expected, holes=True)
 
 
 @pytest.mark.parametrize("mark", ["-1.#IND", "1.#QNAN00", "#DIV/0!", "#N/A", "No Data", "NoData", "no_data", "invalid"])
@@ -62,28 +78,6 @@ def test_marks_beside_decimal_commas_are_missing_heights(tmp_path, mark, between
     cells[place] = mark
     text[1] = between.join(cells)
     same(put(tmp_path / "z.txt", "\n".join(text)), holed, holes=True)
-
-
-def test_marks_between_commas_are_missing_heights(tmp_path):
-    same(put(tmp_path / "z.csv", rows(HOLED, ",", "-1.#IND")), HOLED, holes=True)
-
-
-def test_a_minus_sign_of_typesetting_is_a_minus(tmp_path):
-    same(put(tmp_path / "z.txt", rows(HEIGHTS).replace("-", "\u2212")), HEIGHTS)
-
-
-def test_a_coarsely_printed_slope_is_heights(tmp_path):
-    x, y = np.indices((12, 12))
-    slope = np.round(0.31 * x + 0.17 * y + 0.04 * np.sin(3 * x * y), 1)
-    same(put(tmp_path / "slope.txt", rows(slope)), slope)
-
-
-def test_infinite_heights_at_an_edge_are_missing_without_a_warning(tmp_path):
-    same(
-        put(tmp_path / "z.txt", "inf inf 1 2 3\n" + rows(HEIGHTS)),
-        np.vstack([[np.nan] * 2 + [1, 2, 3], HEIGHTS]),
-        holes=True,
-    )
 
 
 def test_rounded_and_shifted_coordinates_are_a_grid(tmp_path):
@@ -158,17 +152,7 @@ REFUSED = {
     "list.txt": (repr(HEIGHTS.tolist()), "holds no numbers, or words in each line of them; allowed: numbers alone"),
     "nothing.txt": ("# none yet\n", "holds no numbers"),
 }
-
-
-@pytest.mark.parametrize("name", list(REFUSED))
-def test_text_that_may_be_misread_is_refused_by_line(tmp_path, name):
-    content, pattern = REFUSED[name]
-    refused(put(tmp_path / name, content), pattern)
-
-
-def test_decimal_commas_may_begin_late(tmp_path):
-    late = np.vstack([np.zeros((60, 4)), np.full((3, 4), 0.5)])
-    same(put(tmp_path / "z.txt", 60 * "0 0 0 0\n" + 3 * "0,5 0,5 0,5 0,5\n"), late)
+test_text_that_may_be_misread_is_refused_by_line = refusals_of(REFUSED)
 
 
 @pytest.mark.parametrize(
