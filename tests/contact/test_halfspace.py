@@ -11,6 +11,7 @@ from roughvol.contact.halfspace import HalfSpace, transform_length
 from roughvol.contact.options import Tuning
 from roughvol.errors import ContactError
 from tests.contact.kit import BODIES, KERNELS, coefficients, dense, random, summed_displacement
+from tests.refused import refusals
 
 SHAPES = [(1, 1), (1, 7), (2, 1), (3, 4), (17, 9), (3, 100)]
 PERIODS = [(5, 5), (16, 16), (9, 22)]
@@ -122,9 +123,6 @@ def test_windows_are_kept_within_bounds():
     assert space.window_points > 0
 
 
-# ---- the whole grid as a spring
-
-
 # ---- sizes
 
 
@@ -137,18 +135,10 @@ def test_transform_length_is_even_long_enough_and_smooth():
         assert 2**60 * 3**40 * 5**30 % length == 0
 
 
-@pytest.mark.parametrize(
-    ("shape", "sides", "least"),
-    [((0, 3), "free", 1), ((-1, 3), "free", 1), ((2, 8), "mirrored", 3), ((8, 4), "periodic", 5)],
+test_refused = refusals(
+    ContactError,
+    *((lambda shape=shape: HalfSpace(shape), "at least 1 × 1") for shape in ((0, 3), (-1, 3))),
+    (lambda: HalfSpace((2, 8), sides="mirrored"), "at least 3 × 3"),
+    (lambda: HalfSpace((8, 4), sides="periodic"), "at least 5 × 5"),
+    *((lambda p=p: HalfSpace((5, 7)).displacement(np.zeros(p)), r"\(5, 7\)") for p in ((5, 6), (30,), (1, 5, 6))),
 )
-def test_grids_that_are_too_small_are_refused(shape, sides, least):
-    with pytest.raises(ContactError, match=f"at least {least} × {least}"):
-        HalfSpace(shape, sides=sides)
-
-
-def test_pressure_of_another_shape_is_refused():
-    space = HalfSpace((5, 7))
-    for shape in ((5, 6), (30,), (1, 5, 6)):
-        with pytest.raises(ContactError, match=r"\(5, 7\)"):
-            space.displacement(np.zeros(shape))
-    assert space.convolutions == 0
