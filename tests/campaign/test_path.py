@@ -16,7 +16,7 @@ from roughvol.campaign.one_case import Context, run_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
 from roughvol.ensemble import design
-from roughvol.errors import ContactError, RoughvolError, StudyError
+from roughvol.errors import ContactError, RoughvolError
 from roughvol.store import checkpoint
 from roughvol.store.dataset import Dataset
 from roughvol.study import loads
@@ -433,20 +433,6 @@ def test_a_height_file_is_one_period() -> None:
     assert_allclose(data.mean_pressure.values.ravel()[-1], math.pi * math.sqrt(2.0), rtol=0.02)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
-def test_a_crop_of_137_elements_is_pressed_to_its_pressures(seed: int) -> None:
-    """0.11.1 ended without convergence: a second tier of blocks with three blocks around the period."""
-    noise = np.random.Generator(np.random.PCG64(seed)).standard_normal((256, 256))
-    frequency = np.hypot(*np.meshgrid(np.fft.fftfreq(256), np.fft.fftfreq(256), indexing="ij"))
-    heights = np.fft.ifft2(np.fft.fft2(noise) * np.maximum(frequency, 4 / 256) ** -1.8).real[:137, :137]
-    pressures, surface = ["0.006 MPa", "0.02 MPa", "0.04 MPa"], {"sides": "periodic", "heights_unit": "mm"}
-    heights *= 1e-3 / heights.std()
-    states = roughvol.press(heights, L="1 mm", E="10 MPa", nu=0.49, surface=surface, sweep={"pressures": pressures})
-    assert_allclose(states.nominal_pressure, [0.006, 0.02, 0.04], rtol=5e-6)
-    assert states.converged.all()
-
-
 MIDPOINT = "surface: {D: 2.4, m: 4, seeds: 1, sides: periodic}\n"
 BODIES = "file: z.npy, L: 1, against: {file: z.npy, mirror: x}, sides: periodic"
 HALF = "sweep: {steps: 2, to: {contact_area: 0.5}}\n"
@@ -511,13 +497,6 @@ def test_a_gap_wider_than_that_of_the_first_touch_is_refused_with_that_gap() -> 
         run_case(case_of(UNITS.replace("Sq: 1 um", "Sq: 0.5 um") + "sweep: {steps: 1, to: {mean_gap: 9 um}}"))
     gap, length = map(float, re.findall(r"[0-9.]+(?= σ| um, that)", str(error.value)))
     assert length == pytest.approx(0.5 * gap, rel=1e-5)
-
-
-def test_two_legs_to_the_first_touch_of_elastic_contact_are_refused() -> None:
-    legs = "sweep: [{steps: 2, to: {pressure: 1}}, {steps: 1, to: {indentation: 0}}, {steps: 1, to: {pressure: 0}}]\n"
-    with pytest.raises(StudyError, match=r"sweep\[2\].to: .*no length"):
-        loads(PLAIN + legs)
-    loads(PLAIN + legs + HARD)  # contact that has yielded is lost beyond first touch
 
 
 def test_a_period_of_few_heights_is_refused() -> None:

@@ -1,14 +1,11 @@
 """What is kept of a sweep: the right state for every level, and numbers that belong to that state."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from roughvol.campaign.case_surface import surface_of
-from roughvol.observables import levels, reduction
-from roughvol.study import Level, loads
+from roughvol.observables import reduction
 from tests.observables.kit import case_of, reduced, states_of
 
 STEPS = 8
@@ -64,32 +61,6 @@ def test_box_counts_run_from_the_contact_to_the_whole(values, contacts):
     assert_array_equal(counts[-1], 4.0 ** np.arange(4, -1, -1))
     assert_allclose(values["local_dimension"][0, -1], 2.0, rtol=1e-14)
     assert np.all(np.diff(counts, axis=0) >= 0)
-
-
-@pytest.mark.parametrize(
-    ("level", "state", "expected"),
-    [
-        (Level("contact_area", 0.25), {"contact_area_fraction": 0.25 - 1e-12}, True),
-        (Level("contact_area", 0.25), {"contact_area_fraction": 0.2499}, False),
-        (Level("separation", -0.5), {"separation": -0.5 + 1e-12}, True),
-        (Level("separation", -0.5), {"separation": -0.4999}, False),
-        (Level("indentation", 300.0), {"indentation": 300.0 - 1e-8}, True),
-        (Level("pressure", 2.0), {"mean_pressure": 1.999}, False),
-        (Level("step", 5), {}, True),
-        (Level("step", 6), {}, False),
-        (Level("last"), {}, False),
-    ],
-)
-def test_rounding_does_not_decide_a_level(case, level, state, expected):
-    assert levels.reached(level, 5, SimpleNamespace(**state), case) is expected
-
-
-def test_the_end_of_a_sweep_reaches_what_it_was_asked_to_end_at():
-    case = loads("surface: {D: 2.4, m: 4, seeds: 1}\nsweep: {steps: 5, to: {contact_area: 0.1}}").cases()[0]
-    short = SimpleNamespace(contact_area_fraction=0.1 - 1 / 17**2)  # a finite residual leaves an element undecided
-    assert levels.reached(Level("contact_area", 0.1), 5, short, case)
-    assert not levels.reached(Level("contact_area", 0.1), 4, short, case)
-    assert not levels.reached(Level("contact_area", 0.2), 5, short, case)
 
 
 def test_nothing_that_was_not_asked_for_is_kept(contacts):
