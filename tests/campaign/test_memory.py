@@ -152,6 +152,7 @@ def test_L_agrees_with_the_coordinates() -> None:
         ("not a map", r"must end in|no such file"),
         (None, r"object"),
         (MAP[0], r"shape \(13,\)"),
+        (MAP[:2, :2], r"heights have shape \(2, 2\); allowed: two dim"),
         (MAP[np.newaxis], r"shape \(1, 17, 13\)"),
         ([[1.0, 2.0], [3.0]], r"no array: its rows have the shapes"),
         (xr.Dataset({"z": (("x", "y"), MAP)}), r"Dataset .* variables: z"),
@@ -223,14 +224,3 @@ def test_two_bodies_in_memory() -> None:
         _heights(MAP, L="8 um", surface={"against": against})
     both = _heights(MAP, L="8 um", surface={"against": {"heights": MAP, "mirror": "x"}})
     assert_allclose(both, MAP + MAP[::-1], rtol=1e-9, atol=1e-12)
-
-
-def test_arguments_in_two_places_are_refused() -> None:
-    for options, argument in (
-        ({"L": 1, "surface": {"L": 2}}, r'surface\["L"\]'),
-        ({"L": 1, "surface": {"file": "x.npy"}}, r'surface\["file"\]'),
-        ({"L": 1, "sweep": {"steps": 3}, "steps": 2}, "steps"),
-        ({"L": 1, "surface": "tilt"}, "surface"),
-    ):
-        with pytest.raises(StudyError, match=rf"^press: argument {argument}: "):
-            roughvol.press(MAP, **options)

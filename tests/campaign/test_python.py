@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.testing import assert_allclose
 
 import roughvol
-from roughvol.errors import FolderError, StudyError, SurfaceError
+from roughvol.errors import FolderError, StudyError
 from roughvol.store import lock
 from roughvol.study import loads, of_data
 from tests.campaign.kit import table
@@ -54,11 +54,6 @@ def test_press_takes_a_gas() -> None:
     assert (wider.gas_transmissivity < found.gas_transmissivity).sel(axis="x").all()
     with pytest.raises(StudyError, match=r'press: argument fluid\["inlet"\]: missing'):
         roughvol.press(_heights(), fluid={"gas": "helium"}, **options)
-
-
-def test_heights_of_two_nodes_are_no_surface() -> None:
-    with pytest.raises(SurfaceError, match=r"^press: argument heights: heights have shape \(2, 2\); allowed: two dim"):
-        roughvol.press([[1.0, 2.0], [2.0, 1.0]], L=1)
 
 
 def test_a_dict_is_a_study() -> None:
@@ -193,6 +188,11 @@ def test_problems_of_a_dict_name_keys_and_no_lines() -> None:
         ({"record": "texture"}, "record"),
         ({"solver": {"rtol": 2}}, r'solver\["rtol"\]'),
         ({"surface": {"level": "tile"}}, r'surface\["level"\]'),
+        ({"surface": "tilt"}, "surface"),
+        # an argument in two places
+        ({"surface": {"L": 2}}, r'surface\["L"\]'),
+        ({"surface": {"file": "x.npy"}}, r'surface\["file"\]'),
+        ({"sweep": {"steps": 3}, "steps": 2}, "steps"),
         ({"record": {"dimensional": {"leak_rate": {"viscosity": 1}}}}, r'record\["dimensional"\]\["leak_rate"\]'),
     ],
 )
