@@ -96,8 +96,7 @@ def test_a_study_with_values_of_the_lists_of_a_run_opens_their_results(here: Pat
     asked, exact = roughvol.ask("listed", leak_rate=leak, changes=changes), roughvol.ask("alone", leak_rate=leak)
     assert asked.plain()["answers"] == exact.plain()["answers"]
     assert asked.plain()["answers"][0]["value"] == pytest.approx(0.2)
-    given = [word for change in changes for word in ("--set", change)]
-    texts = [said("ask", "listed", "--leak-rate", leak, *given), said("ask", "alone", "--leak-rate", leak)]
+    texts = [said("ask", "listed", "--leak-rate", leak, *_set(*changes)), said("ask", "alone", "--leak-rate", leak)]
     first, second = (text.splitlines()[1:3] for text in texts)  # along x and y
     assert first == second
     assert texts[0].startswith(f"listed, E = 20 MPa, thickness = {thickness}: ")
@@ -123,6 +122,11 @@ def of_lists(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def many(of_lists: Path, here: Path) -> Path:
     """Return a copy of the run ``many``, in a current folder without its study file and its heights."""
     return Path(shutil.copytree(of_lists / "runs", here / "runs")) / "many"
+
+
+def _set(*changes: str) -> list[str]:
+    """Return the words of a command for changes."""
+    return [word for change in changes for word in ("--set", change)]
 
 
 CHANGES = ("surface.level=tilt", "material.thickness=50 um", "sweep.to={pressure: 0.4 MPa}", "record.region=none")
@@ -176,15 +180,14 @@ def test_a_value_of_a_list_opens_in_any_unit(
 def test_the_figures_and_pages_of_a_part_lie_beside_those_of_the_run(many: Path) -> None:
     law = Path("law.yaml")
     law.write_text("power: {exponent: 0.1, time: 1 s}", encoding="utf-8")
-    given = [word for change in CHANGES for word in ("--set", change)]
     said("plot", "many", "v_of_p")
     names = ("figures/v_of_p.png", "report.html", "report.md", "claims.json", "creep.csv", "creep.png")
     for name in names[1:]:
         (many / name).write_text("of the run", encoding="utf-8")
     before = {path: path.read_bytes() for path in many.rglob("*") if path.is_file()}
-    said("plot", "many", "v_of_p", *given)
-    said("report", "many", *given)
-    said("creep", "many", "--law", law, "--at", "pressure=0.15MPa", "--times", "1 s", *given)
+    said("plot", "many", "v_of_p", *_set(*CHANGES))
+    said("report", "many", *_set(*CHANGES))
+    said("creep", "many", "--law", law, "--at", "pressure=0.15MPa", "--times", "1 s", *_set(*CHANGES))
     after = {path: path.read_bytes() for path in many.rglob("*") if path.is_file()}
     assert {path: after[path] for path in before} == before
     made = {str(path.relative_to(many)) for path in after.keys() - before.keys()}
@@ -196,7 +199,7 @@ def _note_of(drawn: Drawing) -> str:
 
 
 def test_changes_without_a_run_are_those_of_the_latest_run_and_of_each_run(many: Path) -> None:
-    given = [word for change in CHANGES for word in ("--set", change)]
+    given = _set(*CHANGES)
     assert said("show", *given) == said("show", "many", *given) != said("show")
     assert said("plot", "v_of_p", *given) == said("plot", "many", "v_of_p", *given)
     drawn = roughvol.plot("many", "v_of_p", changes=CHANGES[1:])  # the level is varied, all else is shared
@@ -221,7 +224,7 @@ def test_the_status_of_a_part_counts_the_cases_of_the_run_as_its_own(
 
 def test_the_command_of_an_answer_repeats_the_changes_of_its_run(many: Path) -> None:
     asked = roughvol.ask("many", changes=CHANGES)
-    text = "roughvol run many " + shlex.join(word for change in CHANGES for word in ("--set", change))
+    text = f"roughvol run many {shlex.join(_set(*CHANGES))}"
     assert asked.command().startswith(f"{text} --set name=many_closer --set ")
     assert asked.plain()["narrower"] == asked.command()
     assert roughvol.ask(changes=CHANGES).command() == asked.command()  # of the latest run
@@ -249,12 +252,9 @@ def test_a_part_of_a_file_name_has_a_limit(text: str) -> None:
     assert run_folder.slug("E = 5 MPa, m = 3") == "E=5_MPa_m=3"
 
 
-def test_letters_of_all_alphabets_stay_in_a_part_of_a_file_name() -> None:
+def test_letters_of_all_alphabets_stay_in_a_part_of_a_file_name_and_several_texts_have_several() -> None:
     assert run_folder.slug("Fläche 1.npy") == "Fläche_1.npy"
     assert len(run_folder.slug("ä" * 150).encode()) <= run_folder.LONGEST
-
-
-def test_several_texts_have_several_parts_of_file_names() -> None:
     names = run_folder.slugs(["a b.npy", "a_b.npy", "c d.npy", "(.npy", ").npy"])
     assert len(set(names.values())) == len(names)
     assert names["c d.npy"] == "c_d.npy"
@@ -264,9 +264,7 @@ def test_a_moved_run_of_height_files_opens_in_parts(many: Path, of_lists: Path) 
     part = roughvol.open("many", changes=CHANGES)
     moved = many.rename("moved")
     assert roughvol.open(moved, changes=CHANGES).identical(part)
-    message = refused(
-        "ask", "moved", "--closed", "--budget", *(word for change in CHANGES for word in ("--set", change))
-    )
+    message = refused("ask", "moved", "--closed", "--budget", *_set(*CHANGES))
     assert "surface.file: no such file" in message  # a card presses the heights
     shutil.copy(of_lists / "heights.txt", moved)
     assert roughvol.status("moved", changes=CHANGES).collected
@@ -275,7 +273,7 @@ def test_a_moved_run_of_height_files_opens_in_parts(many: Path, of_lists: Path) 
 def test_a_run_of_a_part_says_that_study_nc_has_its_cases_alone(of_lists: Path, here: Path) -> None:
     shutil.copytree(of_lists, here, dirs_exist_ok=True)
     spelled = [change.replace("0.4 MPa", "400 kPa") for change in CHANGES]
-    done = call("run", "many.yaml", *(word for change in spelled for word in ("--set", change)), "--jobs", "1")
+    done = call("run", "many.yaml", *_set(*spelled), "--jobs", "1")
     assert done.exit_code == 0, done.output
     assert roughvol.open("many", changes=CHANGES)["mean_pressure"].size > 0  # the run has the values as they were
     assert (
