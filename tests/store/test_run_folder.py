@@ -127,9 +127,11 @@ def test_status_reads_only_the_stamp_of_large_files(study: Study, place: Path, m
     assert len(run_status.status(study, place).done) == 4
 
 
-def _relabelled(path: Path, **changed: str) -> None:
+def _relabelled(path: Path, **changed: str | None) -> None:
+    """Change labels of the stamp of a file; None leaves a label out."""
     content, labels = stamped_file.verified(path)
-    stamped_file.store(path, stamped_file.stamped(content, labels | changed))
+    kept = {name: label for name, label in (labels | changed).items() if label is not None}
+    stamped_file.store(path, stamped_file.stamped(content, kept))
 
 
 @pytest.mark.parametrize("name", ["case", "key", "format_of_answers"])
@@ -190,10 +192,7 @@ def test_mixed_versions_are_noted_and_stored(study: Study, place: Path, monkeypa
 def test_old_answers_are_computed_anew(study: Study, place: Path, monkeypatch: pytest.MonkeyPatch, named: bool) -> None:
     before = files_of(place)
     for path in [] if named else list((place / "cases").glob("*.nc")):
-        content, labels = stamped_file.verified(path)
-        stamped_file.store(
-            path, stamped_file.stamped(content, {k: v for k, v in labels.items() if k != "format_of_answers"})
-        )
+        _relabelled(path, format_of_answers=None)
     now = one_of_study.ANSWER_FORMAT
     old = now if named else 1  # only files of the first format do not name it
     monkeypatch.setattr(one_of_study, "ANSWER_FORMAT", now + 1)
@@ -622,44 +621,46 @@ def test_a_folder_that_vanishes_is_told_and_not_made_again(study: Study, tmp_pat
         execution.run(study, out=tmp_path / "run", jobs=0)
 
 
-@pytest.mark.processes
-@pytest.mark.parametrize("crash", [pytest.param(True, marks=pytest.mark.slow), False])
-def test_a_broken_netcdf_file_of_heights_is_an_error_even_if_the_library_crashes(tmp_path: Path, crash: bool) -> None:
+@pytest.fixture
+def of_netcdf(tmp_path: Path) -> Study:
+    """A study of a netCDF file of heights."""
     xr.Dataset({"z": (("x", "y"), np.random.default_rng(1).normal(size=(9, 9)))}).to_netcdf(tmp_path / "z.nc")
+    return loads("surface: {file: z.nc, L: 4.0}", file=tmp_path / "study.yaml")
+
+
+@pytest.mark.processes
+def test_a_broken_netcdf_file_of_heights_is_an_error(of_netcdf: Study, tmp_path: Path) -> None:
     content = bytearray((tmp_path / "z.nc").read_bytes())
-    if not crash:
-        content[60 : len(content) - 700] = np.random.default_rng(3).bytes(len(content) - 760)
+    content[60 : len(content) - 700] = np.random.default_rng(3).bytes(len(content) - 760)
     (tmp_path / "z.nc").write_bytes(content)
-    study = loads("surface: {file: z.nc, L: 4.0}", file=tmp_path / "study.yaml")
-    if crash:  # whatever this library does with this file: one that ends its process
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("roughvol.campaign.checks.read_surface", die)
-            patch.setenv("PYTHONPATH", str(Path(__file__).parent))
-            with pytest.raises(StudyError, match=r"surface\.file: .*z\.nc: .*crashes on it"):
-                checks.check_surfaces(study)
-    else:
-        with pytest.raises(RoughvolError, match=r"z\.nc"):
-            checks.check_surfaces(study)
+    with pytest.raises(RoughvolError, match=r"z\.nc"):
+        checks.check_surfaces(of_netcdf)
 
 
 def die(*_: Any) -> None:
     os._exit(139)
 
 
-@pytest.mark.processes
-def test_a_file_that_keeps_its_library_for_ever_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    xr.Dataset({"z": (("x", "y"), np.random.default_rng(1).normal(size=(9, 9)))}).to_netcdf(tmp_path / "z.nc")
-    study = loads("surface: {file: z.nc, L: 4.0}", file=tmp_path / "study.yaml")
-    monkeypatch.setattr(checks, "read_surface", hang)
-    monkeypatch.setattr(checks, "READ_SECONDS", 0.3)
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
-    said = r"study\.yaml:1: surface\.file: .*z\.nc: cannot be read: the library for this format is still reading after"
-    with pytest.raises(StudyError, match=said):
-        checks.check_surfaces(study)
-
-
 def hang(*_: Any) -> None:
     time.sleep(600)
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(
+    ("library", "seconds", "words"),
+    [
+        pytest.param(die, checks.READ_SECONDS, "crashes on it", marks=pytest.mark.slow),
+        (hang, 0.3, "cannot be read: the library for this format is still reading after"),
+    ],
+)
+def test_a_library_that_crashes_or_reads_for_ever_is_an_error_of_its_file(
+    of_netcdf: Study, monkeypatch: pytest.MonkeyPatch, library: Any, seconds: float, words: str
+) -> None:
+    monkeypatch.setattr(checks, "read_surface", library)
+    monkeypatch.setattr(checks, "READ_SECONDS", seconds)
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))
+    with pytest.raises(StudyError, match=rf"study\.yaml:1: surface\.file: .*z\.nc: .*{words}"):
+        checks.check_surfaces(of_netcdf)
 
 
 def test_the_study_of_a_run_is_read_again_whatever_its_size(tmp_path: Path) -> None:
