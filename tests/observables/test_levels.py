@@ -171,7 +171,7 @@ def test_a_level_at_the_end_of_a_leg_is_of_the_next_leg_too(level, hardness):
         assert begin == pytest.approx(end, rel=1e-5)
 
 
-@pytest.mark.parametrize("sides", ["free", "periodic"])
+@pytest.mark.parametrize("sides", ["free", "mirrored", "periodic"])
 def test_a_level_at_a_step_of_an_unloading_leg_is_the_state_of_the_step(sides):
     path = "[{steps: 3, to: {contact_area: 0.2}}, {steps: 3, to: {contact_area: 0.05}}]"
     text = f"surface: {{D: 2.3, m: 4, seeds: [1], sides: {sides}}}\nsweep: {path}\n"
@@ -211,18 +211,19 @@ def test_quantities_along_the_steps_stay_at_the_first_step_beyond():
 
 
 @pytest.mark.parametrize(
-    ("kind", "region", "periodic"),
+    ("kind", "region", "sides"),
     [
         ("free_volume", "", ""),
         ("free_volume", "region: interior, ", ", sides: periodic"),
         ("separation", "region: interior, ", ""),
         ("separation", "", ", sides: periodic"),
+        ("separation", "", ", sides: mirrored"),
     ],
 )
-def test_levels_before_the_first_touch_are_missing(kind, region, periodic):
+def test_levels_before_the_first_touch_are_missing(kind, region, sides):
     record = f"{region}fields_at: {{{kind}: [600, 1.5]}}"
     text = STUDY.format(m=4, steps=3, to="{indentation: 2}", solver="{}", record=record)
-    result = answer(text.replace("seeds: [3]", f"seeds: [3]{periodic}"))
+    result = answer(text.replace("seeds: [3]", f"seeds: [3]{sides}"))
     missed, found = state(result, f"{kind}=600"), state(result, f"{kind}=1.5")
     assert missed.pop("step") == -1
     assert np.isnan(list(missed.values())).all()

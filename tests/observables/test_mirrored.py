@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.campaign.case_surface import surface_of
 from roughvol.campaign.one_case import run_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials
@@ -93,25 +92,6 @@ def test_a_coupled_state_is_one_of_the_doubled_period():
     assert_allclose(gap[touching], 0.0, atol=1e-7)
     assert_allclose(state.fluid, inlet * fluid_pressure(state.gap, axis), atol=2e-6)
     assert state.pressure.mean() == pytest.approx(load, rel=1e-8)
-
-
-@pytest.mark.parametrize("made", ["{D: 2.2, m: 4", "{H: 0.8, n: 16, rolloff: 2"])
-def test_a_generated_surface_may_be_mirrored(made):
-    """It has the heights of the free patch, and every level searched for is met."""
-    text = f"""
-surface: {made}, L: 100 um, Sq: 0.5 um, seeds: 1, sides: SIDES}}
-material: {{E_star: 10 MPa}}
-sweep: {{steps: 3, to: {{contact_area: 0.3}}}}
-fluid: {{gas: helium, inlet: 1 bar, outlet: 0 bar}}
-record: {{fields_at: {{contact_area: [0.1], separation: [1.0]}}, transport: {{gas_flow: last}}}}
-"""
-    free, mirrored = (loads(text.replace("SIDES", sides)).cases()[0] for sides in ("free", "mirrored"))
-    assert np.array_equal(surface_of(free).heights, surface_of(mirrored).heights)
-    assert free.id != mirrored.id
-    ds = run_case(mirrored).squeeze()
-    assert_allclose(ds["contact_area_fraction"][-1], 0.3, atol=1.0 / 289)
-    assert_allclose(ds["field_at_contact_area_fraction"][0], 0.1, atol=1.0 / 289)
-    assert float(ds["field_at_free_volume"][1]) == pytest.approx(1.0, rel=1e-5)
 
 
 @pytest.mark.parametrize("region", ["", ", region: interior"])

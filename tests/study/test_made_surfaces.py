@@ -132,6 +132,8 @@ def test_sides_are_those_given(text: str, here: Path) -> None:
         surface = surface_of(case)
         assert (study.surface.sides, case.sides, surface.sides) == (sides, sides, sides)
         assert case.shape == surface.shape
+        if sides != "periodic":  # a mirrored patch has the heights of the free patch
+            assert np.array_equal(surface.heights, surface_of(loads(text % ", sides: free").cases()[0]).heights)
         assert study.surface.periodic == case.periodic == surface.periodic == (sides == "periodic")
         assert loads(study.to_yaml()) == study
         assert loads(study.stored(), stored=True).surface.sides == sides
