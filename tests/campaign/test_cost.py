@@ -68,13 +68,13 @@ def test_cases_of_one_cost_are_estimated_once(monkeypatch: pytest.MonkeyPatch) -
 def test_everything_that_is_recorded_has_its_cost() -> None:
     text = (
         "surface: {D: 2.2, m: 6, seeds: 4}\nsweep: {steps: 10}\n"
-        "record: {fields_at: last, box_counting: {}, volume_density: {}, "
+        "record: {fields_at: last, box_counting: {}, volume_density: {}, texture: true, "
         "transport: {transmissivity: STATES, flux_at: last}, region_widths: {shares: [1, 0.5], transmissivity: last}}"
     )
     few, many = (
         estimate(loads(text.replace("STATES", states)), jobs=1).observables for states in ("last", "every-step")
     )
-    names = {"fields_at", "box_counting", "volume_density", "transmissivity", "flux_at", "region_widths"}
+    names = {"fields_at", "box_counting", "volume_density", "texture", "transmissivity", "flux_at", "region_widths"}
     assert set(few) == names | {"region_transmissivity"}
     assert many["transmissivity"] == pytest.approx(10 * few["transmissivity"], rel=1e-12)
     assert 1.0 < few["region_transmissivity"] / few["transmissivity"] < 2.0  # two flows, of which the second is smaller

@@ -7,7 +7,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from roughvol.campaign.case_surface import surface_of
-from roughvol.campaign.cost import estimate
 from roughvol.campaign.one_case import run_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve
@@ -124,11 +123,6 @@ def test_a_flat_surface_has_no_ratios(tmp_path):
         assert all(np.isnan(result[name + suffix]).all() for name in ("Ssk", "Sku", "Svi", "Sbi", "hurst_structure"))
         assert result["Sz" + suffix].item() == 0.0
         assert not np.isnan(result["structure_function" + suffix]).any()
-
-
-def test_its_cost_is_estimated_and_measured(result):
-    assert set(estimate(loads(TEXT.replace("WHICH", AT)), jobs=1).observables) == {"fields_at", "texture"}
-    assert result.observable_time.sel(observable="texture") > 0.0
 
 
 # the spectrum

@@ -68,10 +68,9 @@ def test_the_seconds_of_everything_recorded_are_told(result):
 
 
 def test_each_observable_that_was_asked_for_has_its_name():
-    text = (
-        "record: {fields_at: last, box_counting: {}, volume_density: {}, transport: {flux_at: last, percolation: last}}"
-    )
-    names = ["fields_at", "box_counting", "volume_density", "flux_at", "percolation"]
+    text = "record: {fields_at: last, box_counting: {}, volume_density: {}, texture: true, "
+    text += "transport: {flux_at: last, percolation: last}}"
+    names = ["fields_at", "box_counting", "volume_density", "texture", "flux_at", "percolation"]
     assert sorted(run_case(_case(text)).observable.values) == sorted(names)
     assert "observable" not in run_case(_case("")).variables
 

@@ -9,7 +9,7 @@ from roughvol.analysis.stored_run import Run
 from roughvol.campaign import execution
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
-from roughvol.errors import ContactError, StudyError
+from roughvol.errors import ContactError
 from roughvol.observables.stiffness import (
     contact_conductance,
     harmonic_conductivity,
@@ -131,8 +131,3 @@ def test_a_run_shows_stiffness_and_conductance(tmp_path):
     )
     fig = content.draw("conductance_of_p", [content.Named("heat", results)])
     assert fig.axes[0].get_xscale() == fig.axes[0].get_yscale() == "log"
-
-
-def test_one_conductivity_is_refused():
-    with pytest.raises(StudyError, match="at least 2"):
-        loads(TEXT.replace(", 0.5 W/cm/K]", "]"))

@@ -12,7 +12,7 @@ from roughvol.contact.search import first_indentation
 from roughvol.gap import clusters, transport
 from roughvol.observables import levels, void
 from roughvol.observables.variables import AXES
-from roughvol.study import Level, loads
+from roughvol.study import loads
 from tests.observables.kit import case_of, states_of
 
 ALL = """
@@ -107,11 +107,6 @@ def test_a_sweep_to_percolation_ends_where_the_void_closes(axes):
     assert not open_along(end) & closing
     assert open_along(end * (1 - 2e-4)) & closing
     assert float(run_case(case).indentation.max()) == end
-
-
-def test_the_word_percolation_means_both(case):
-    assert case.sweep.target == Level("percolation-both")
-    assert case.id == case_of(ALL.replace("to: percolation", "to: {percolation: both}")).id != case_of("").id
 
 
 @pytest.mark.slow
