@@ -23,15 +23,6 @@ from roughvol.study import loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 from tests.contact import kit
-from tests.contact.kit import (
-    coefficients,
-    exact_pressure,
-    lattice_pressure,
-    mean_plane,
-    numbers,
-    scaled_overlap,
-    summed_displacement,
-)
 
 from .random_cases import random_case, run
 
@@ -85,14 +76,14 @@ def _timed(function, value) -> Found:
 def press(surface, indentations=None, *, rtol=RTOL, thorough=True, **options) -> tuple[Found, list]:
     """Sweep, check every state, and return the report with the states."""
     if indentations is None:
-        indentations = mean_plane(surface) * np.arange(1, 6) / 5
+        indentations = kit.mean_plane(surface) * np.arange(1, 6) / 5
     contacts = list(sweep(surface, half_space(surface.shape), indentations, rtol=rtol, **options))
     small = surface.heights.size <= DENSE
     for contact in contacts if thorough else contacts[-1:]:
         kit.check_conditions(contact, surface, "love", rtol + 50 * ROUNDING * scale(contact), 2.5 * ROUNDING)
         if small:
             dense(contact, surface, rtol)
-    rising = numbers(contacts) * (1.0, 1.0, -1.0)
+    rising = kit.numbers(contacts) * (1.0, 1.0, -1.0)
     assert (np.diff(rising, axis=0) >= -4 * rtol * np.maximum(1.0, np.abs(rising[1:]))).all()
     residual = max(contact.residual for contact in contacts)
     return Found(residual, len(contacts), "dense solution" if small else "conditions"), contacts
@@ -104,18 +95,18 @@ def scale(contact) -> float:
 
 def dense(contact, surface, rtol) -> None:
     matrix = kit.dense(surface.shape)
-    exact = exact_pressure(matrix, scaled_overlap(surface, contact.indentation).ravel())
-    off = matrix @ (lattice_pressure(contact).ravel() - exact)
+    exact = kit.exact_pressure(matrix, kit.scaled_overlap(surface, contact.indentation).ravel())
+    off = matrix @ (kit.lattice_pressure(contact).ravel() - exact)
     assert np.abs(off).max() <= 2 * rtol + 1e-10 * scale(contact)
 
 
 def same(one, other, tolerance) -> None:
-    np.testing.assert_allclose(numbers(one), numbers(other), rtol=tolerance, atol=tolerance)
+    np.testing.assert_allclose(kit.numbers(one), kit.numbers(other), rtol=tolerance, atol=tolerance)
 
 
 def alike(surface, scaled, words) -> Found:
     """Compare surfaces that differ in their unit of length."""
-    at = mean_plane(surface) * np.arange(1, 6) / 5
+    at = kit.mean_plane(surface) * np.arange(1, 6) / 5
     found, contacts = press(scaled, at)
     same(contacts, press(surface, at)[1], 1e-11)
     return Found(found.residual, found.states, words)
@@ -140,7 +131,7 @@ def over_m(m):
     # one state, from nothing, for its residual alone: the other conditions do not change with m; the half space is not
     # kept
     space = HalfSpace(surface.shape)
-    contact = solve(surface, space, 0.5 * mean_plane(surface), rtol=1e-6)
+    contact = solve(surface, space, 0.5 * kit.mean_plane(surface), rtol=1e-6)
     assert contact.converged
     return Found(contact.residual, 1, "one solve, η ≤ 1e-6")
 
@@ -176,7 +167,7 @@ def over_indentation(name):
     if name in ("one ulp", "1e-300", "1e-9"):
         at = {"one ulp": np.finfo(float).eps, "1e-300": 1e-300, "1e-9": 1e-9}[name]
         found, (contact,) = press(surface, [at])
-        alone = math.pi * 8 / coefficients((1, 1))[0, 0] * at
+        alone = math.pi * 8 / kit.coefficients((1, 1))[0, 0] * at
         assert contact.contact().sum() == 1
         assert abs(contact.pressure().max() / alone - 1.0) < 1e-12
         return Found(found.residual, 1, "one element alone")
@@ -186,7 +177,7 @@ def over_indentation(name):
         assert contacts[-1].contact_area_fraction == 1.0
         return found
     found, contacts = press(surface, [full * k for k in (1.0, 2.0, 3.0, 10.0)])
-    p = numbers(contacts)
+    p = kit.numbers(contacts)
     assert (p[:, 0] == 1.0).all()
     assert not p[:, 2].any()
     slopes = np.diff(p[:, 1]) / np.diff([c.indentation for c in contacts])
@@ -230,7 +221,7 @@ SHAPES = _shapes()
 @cells("shape", {name: name for name in SHAPES})
 def over_shapes(name):
     surface = Surface(SHAPES[name], 0.5)
-    end = mean_plane(surface) or 1.0
+    end = kit.mean_plane(surface) or 1.0
     found, contacts = press(surface, end * np.array([1e-6, 0.1, 0.5, 1.0, 3.0, 1000.0]))
     if name == "perfect symmetry":
         for contact in contacts:
@@ -257,7 +248,7 @@ def over_sizes(shape):
 @cells("steps", {"1": 1, "60": 60, "10000": 10_000}, quick=["1", "60"])
 def over_steps(steps):
     surface = fractal(2.5, 4, seed=8)
-    at = mean_plane(surface) * np.arange(1, steps + 1) / steps
+    at = kit.mean_plane(surface) * np.arange(1, steps + 1) / steps
     found, contacts = press(surface, at, thorough=steps < 100)
     same(contacts[-1:], [solve(surface, half_space(surface.shape), at[-1], rtol=RTOL)], 1e-8)
     return Found(found.residual, found.states, "last state = one solve")
@@ -282,7 +273,7 @@ HARDNESSES = {"H/E* 1e-12": 1e-12, "1e-6": 1e-6, "1e-3": 1e-3, "0.05": 0.05, "1"
 def over_hardness(hardness):
     surface = fractal(2.4, 5, seed=10)
     limit = hardness * surface.side / surface.Sq
-    up = mean_plane(surface) * np.arange(1, 6) / 5
+    up = kit.mean_plane(surface) * np.arange(1, 6) / 5
     path = [*up, *up[-2::-1], *up[1:], 1.2 * up[-1]]
     contacts = list(sweep(surface, half_space(surface.shape), path, rtol=RTOL, hardness=limit))
     left = np.zeros(surface.shape)  # plastic displacement at the start of the leg
@@ -305,11 +296,11 @@ def yielding(contact, surface, limit, left) -> None:
     assert not g[p > 0.0].any()
     assert (plastic - left >= 0.0).all()
     assert not (plastic - left)[~at_limit].any()
-    w = summed_displacement(lattice_pressure(contact)) - scaled_overlap(surface, contact.indentation) + left
+    w = kit.summed_displacement(kit.lattice_pressure(contact)) - kit.scaled_overlap(surface, contact.indentation) + left
     eta = max(np.abs(w[(p > 0.0) & ~at_limit]).max(initial=0.0), w[at_limit].max(initial=0.0))
     eta = max(eta, -w[p == 0.0].min(initial=0.0))
     assert eta <= RTOL + 100 * ROUNDING * scale(contact)
-    volume = contact.separation + (w + scaled_overlap(surface, contact.indentation) - left).mean() + plastic.mean()
+    volume = contact.separation + (w + kit.scaled_overlap(surface, contact.indentation) - left).mean() + plastic.mean()
     assert abs(contact.free_volume - max(volume, 0.0)) <= 100 * ROUNDING * scale(contact)
 
 
