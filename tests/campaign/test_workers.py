@@ -19,6 +19,7 @@ from roughvol.store import run_status
 from roughvol.study import loads
 from tests.campaign import tasks
 from tests.campaign.kit import Dask, Events, values_of
+from tests.kit import python
 
 # The client of Dask leaves its loop's sockets to the garbage collector.
 pytestmark = [
@@ -118,9 +119,7 @@ def test_a_plain_script_does_not_start_itself_again(tmp_path: Path) -> None:
         "from roughvol.campaign import workers\nfrom tests.campaign import tasks\nprint('once')\n"
         "workers.each(tasks.nap, range(2), jobs=2, on_end=lambda task, result, error: print(result + 2))\n"
     )
-    there = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
-    done = subprocess.run([sys.executable, script], env=there, capture_output=True, text=True, timeout=100)
-    assert (sorted(done.stdout.split()), done.returncode) == (["2", "3", "once"], 0), done.stderr
+    assert sorted(python(script).stdout.split()) == ["2", "3", "once"]
 
 
 # A cluster
