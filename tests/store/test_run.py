@@ -13,16 +13,9 @@ from roughvol.report.figures.style import Drawing
 from roughvol.store import StoredRun, run_folder, same_study
 from roughvol.study import loads
 from roughvol.study.axes import choices
-from tests.kit import call, refused, said
+from tests.kit import LEAKING, call, refused, said
 
-TEXT = """
-surface: {D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}
-material: {E: 10 MPa, nu: 0.5}
-sweep: {pressures: [0.1 MPa, 0.2 MPa]}
-record:
-  transport: {transmissivity: every-step}
-  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
-"""
+TEXT = LEAKING.replace("{steps: 8, to: {pressure: 0.5 MPa}}", "{pressures: [0.1 MPa, 0.2 MPa]}")
 SCAN = TEXT.replace("{D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}", "{file: heights.txt, L: 100 um, heights_unit: um}")
 
 
