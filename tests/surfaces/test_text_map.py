@@ -87,8 +87,10 @@ def test_rounded_and_shifted_coordinates_are_a_grid(tmp_path):
     assert reading.describe(tmp_path / "z.xyz").sides == pytest.approx((2.5, 2.0))
 
 
+WAVES = np.cos(np.arange(36.0)).reshape(4, 9)
 NO_GRID = "looks like x y z points, but they are no regular grid: "
 UNKNOWN = "line 1 is not understood: "
+RULER = "the first %s looks like coordinates: delete it"
 REFUSED = {
     "bent.xyz": (rows(np.column_stack([X + np.sqrt(X), Y, X])), f"{NO_GRID}x is not equidistant"),
     "twice.xyz": (rows(np.vstack([POINTS, POINTS[:1]])), f"{NO_GRID}1 nodes have several of the 31 points"),
@@ -104,18 +106,9 @@ REFUSED = {
     ),
     "numbered.csv": (rows(np.column_stack([np.arange(6), HEIGHTS]), ";"), "the first column only counts: delete it"),
     "named.csv": (rows(np.vstack([np.arange(1, 6), HEIGHTS]), ";"), "the first line only counts: delete it"),
-    "ruled.csv": (
-        rows(np.vstack([0.5 * np.arange(9), np.cos(np.arange(36.0)).reshape(4, 9)]), ";"),
-        "the first line looks like coordinates: delete it",
-    ),
-    "printed.csv": (
-        rows(np.vstack([np.round(np.arange(9) / 3, 1), np.cos(np.arange(36.0)).reshape(4, 9)]), ";"),
-        "the first line looks like coordinates: delete it",
-    ),
-    "printed.txt": (
-        rows(np.column_stack([np.round(np.arange(9) / 7, 2), np.cos(np.arange(36.0)).reshape(9, 4)])),
-        "the first column looks like coordinates: delete it",
-    ),
+    "ruled.csv": (rows(np.vstack([0.5 * np.arange(9), WAVES]), ";"), RULER % "line"),
+    "printed.csv": (rows(np.vstack([np.round(np.arange(9) / 3, 1), WAVES]), ";"), RULER % "line"),
+    "printed.txt": (rows(np.column_stack([np.round(np.arange(9) / 7, 2), WAVES.T])), RULER % "column"),
     "size.txt": ("# Scan size: 8 um\n" + TURNED, f"{UNKNOWN}'# Scan size: 8 um'.*header: ignore"),
     "lateral.txt": ("# lateral unit um\n" + TURNED, UNKNOWN),
     "pixel.txt": ("# pixel size = 0.5\n" + TURNED, UNKNOWN),
