@@ -8,6 +8,7 @@ import itertools
 import json
 import math
 import re
+import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -177,7 +178,7 @@ def test_the_same_study_goes_on_or_means_the_same(here: dict[str, Any], name: st
         assert 'surface.sides: "free" → "mirrored"' in message
         assert "surface.sides" in refused("show", f"{name}.yaml")
     out = tmp_path / "run"  # a copy: other tests read the run
-    _copy(folder, out)
+    shutil.copytree(folder, out, copy_function=shutil.copyfile)
     done = call("run", f"{name}.yaml", *sides, "--out", out, "--jobs", "1")
     assert done.exit_code == 0, done.output
     kept = {path.name for path in out.glob("cases/*.nc")} | {path.name for path in out.glob("cases/set_aside/*.nc")}
@@ -192,10 +193,3 @@ def test_the_same_study_goes_on_or_means_the_same(here: dict[str, Any], name: st
         now, before = (ds.isel(step=-1, drop=True) for ds in (now, before))
     for variable in ("free_volume", "contact_area_fraction", "mean_pressure"):
         assert abs(now[variable] - before[variable]).max() < 1e-6, variable
-
-
-def _copy(source: Path, target: Path) -> None:
-    for path in source.rglob("*"):
-        if path.is_file():
-            (target / path.relative_to(source)).parent.mkdir(parents=True, exist_ok=True)
-            (target / path.relative_to(source)).write_bytes(path.read_bytes())
