@@ -21,6 +21,7 @@ from roughvol.store import dataset, provenance, run_folder, stamped_file
 from roughvol.store.dataset import Dataset
 from roughvol.study import Case, loads
 from tests.kit import python
+from tests.refused import refusals
 
 FFT = {"library": "FFTW", "planner": "FFTW_ESTIMATE", "threads": "1"}
 STEPS = 3
@@ -131,18 +132,13 @@ def test_combining_does_not_depend_on_the_order_of_the_cases() -> None:
     xr.testing.assert_identical(dataset.combine(parts, {}), dataset.combine(parts[::-1], {}))
 
 
-def test_cases_of_two_sizes_are_not_one_study() -> None:
-    with pytest.raises(DatasetError, match="share L, got 1, 100"):
-        dataset.combine([_build(), _build(seed=1, L=1.0)], {})
-    with pytest.raises(DatasetError, match="no case"):
-        dataset.combine([], {})
-
-
-def test_only_what_the_table_knows_is_built() -> None:
-    with pytest.raises(DatasetError, match="'free_volme' is not a stored variable"):
-        dataset.build(_case(), {"free_volme": [1.0]}, {})
-    with pytest.raises(DatasetError, match=r"Sq has dimensions \(D, m, seed\)"):
-        dataset.build(_case(), {"Sq": [1.0]}, {})
+test_what_is_no_dataset_of_one_study_is_refused = refusals(
+    DatasetError,
+    (lambda: dataset.combine([_build(), _build(seed=1, L=1.0)], {}), "share L, got 1, 100"),
+    (lambda: dataset.combine([], {}), "no case"),
+    (lambda: dataset.build(_case(), {"free_volme": [1.0]}, {}), "'free_volme' is not a stored variable"),
+    (lambda: dataset.build(_case(), {"Sq": [1.0]}, {}), r"Sq has dimensions \(D, m, seed\)"),
+)
 
 
 def test_provenance_names_study_case_code_machine_and_reference() -> None:
