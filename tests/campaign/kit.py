@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from roughvol.campaign.batch import Progress
 from roughvol.campaign.one_case import Context, Stopped, run_case
@@ -21,6 +22,8 @@ from roughvol.store.dataset import Dataset
 from roughvol.study import Case, Study, loads
 
 DIMS = ("D", "m", "seed")
+# The client of Dask leaves its loop's sockets to the garbage collector.
+OF_DASK = [pytest.mark.filterwarnings(f"ignore::{kind}") for kind in ("ResourceWarning", "DeprecationWarning")]
 TIMES = frozenset(name for name, row in VARIABLES.items() if row.units == "s")
 """The only variables in which two equal runs differ."""
 

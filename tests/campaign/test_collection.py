@@ -20,7 +20,7 @@ from roughvol.study import load, loads
 from roughvol.study.sections import height_file
 from roughvol.study.values.durations import duration
 from tests.campaign.kit import files_of, table
-from tests.kit import call, refused, said
+from tests.kit import call, ran, refused, said
 
 MANY = """
 surface: {files: maps/*.npy, L: 100 um}
@@ -39,6 +39,10 @@ def _maps(here: None) -> None:
         np.save(f"maps/m{k}.npy", np.random.default_rng(k).random(shape))
     Path("many.yaml").write_text(MANY, encoding="utf-8")
     Path("several.yaml").write_text(SEVERAL, encoding="utf-8")
+
+
+def _rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
 
 
 def test_each_file_is_the_case_that_it_is_alone() -> None:
@@ -82,7 +86,7 @@ def test_names_of_files_are_neither_formulas_nor_elements_of_pages() -> None:
         np.save(name, np.random.default_rng(number).random((9, 9)))
     surface = f"{{files: {json.dumps(list(STRANGE))}, L: 100 um, sides: free}}"
     roughvol.run(loads(f"name: strange\nsurface: {surface}\nsweep: {{steps: 2}}\n", "strange.yaml"), jobs=1)
-    rows = list(csv.DictReader(io.StringIO(said("show", "strange", "--csv"))))
+    rows = _rows(said("show", "strange", "--csv"))
     assert {row["case"] for row in rows} == {f"'{name}" if name[0] in "=@+" else name for name in STRANGE}
     assert any(float(row["separation"]) < 0.0 for row in rows)  # negative numbers stay numbers
     said("report", "strange", "--out", "page")
@@ -105,9 +109,9 @@ def test_maps_materials_and_loads_make_one_dataset_and_one_figure() -> None:
     alone = roughvol.run(loads(MANY.replace("[5 MPa, 10 MPa]", "10 MPa"), "alone.yaml"), jobs=1)
     assert (alone.free_volume.values == ds.free_volume.sel(E=10.0).values).all()
     said("plot", "many", "v_of_p", "--format", "csv")
-    with Path("runs/many/figures/v_of_p.csv").open() as stream:
-        assert {"E = 5 MPa", "E = 10 MPa"} == {row["curve"].partition(":")[0] for row in csv.DictReader(stream)}
-    rows = list(csv.DictReader(io.StringIO(said("show", "many", "--csv"))))
+    rows = _rows(Path("runs/many/figures/v_of_p.csv").read_text())
+    assert {"E = 5 MPa", "E = 10 MPa"} == {row["curve"].partition(":")[0] for row in rows}
+    rows = _rows(said("show", "many", "--csv"))
     assert (len(rows), {row["E"] for row in rows}) == (2 * 3 * 2, {"5.0", "10.0"})
     assert "E = 5 MPa" in said("show", "many", "--at", "pressure=0.07MPa")
     assert "E = 10 MPa" in said("compare", "many")
@@ -139,8 +143,7 @@ def test_combinations_in_several_units_come_in_that_of_the_first() -> None:
     np.testing.assert_allclose([row["nominal_pressure"] for row in table["rows"]], np.tile([0.1, 0.4], 4), rtol=1e-5)
     assert "p [MPa]" in said("compare", "mixed", "--at", "pressure=0.4 MPa")
     said("plot", "mixed", "v_of_p", "--format", "csv")
-    with Path("runs/mixed/figures/v_of_p.csv").open() as stream:
-        rows = list(csv.DictReader(stream))
+    rows = _rows(Path("runs/mixed/figures/v_of_p.csv").read_text())
     assert {row["x_label"] for row in rows} == {"nominal pressure p [MPa]"}
     assert max(float(row["x"]) for row in rows) < 0.41
 
@@ -209,8 +212,7 @@ def test_the_note_of_a_figure_names_the_run_of_its_combinations(moduli: str, wor
 def test_a_case_of_several_combinations_counts_once_at_the_end_of_a_run() -> None:
     text = MADE + "material: {E: [5 MPa, 10 MPa], nu: 0.5}\nsweep: {steps: 3, to: {pressure: 1}}\n"
     text += "record: {fields_at: {free_volume: 1e-9}, transport: {percolation: every-step}}\n"
-    Path("both.yaml").write_text(text, encoding="utf-8")
-    told = said("run", "both.yaml", "--jobs", "1")
+    told = ran("both", text)
     ds = roughvol.open("both")
     assert ds.residual.sizes == {"E": 2, "D": 1, "m": 1, "seed": 2, "step": 3}
     assert "2 cases in " in told
@@ -219,8 +221,7 @@ def test_a_case_of_several_combinations_counts_once_at_the_end_of_a_run() -> Non
     spent = ds.observable_time.isel(E=0).sum(["D", "m", "seed"])
     shown = ", ".join(f"{one.observable.item()} {duration(float(one))}" for one in spent)
     assert f"time of the observables, all cases: {shown}" in told
-    Path("apart.yaml").write_text(text.replace("pressure: 1}", "pressure: 0.05 MPa}"), encoding="utf-8")
-    assert "12 states, " in said("run", "apart.yaml", "--jobs", "1")
+    assert "12 states, " in ran("apart", text.replace("pressure: 1}", "pressure: 0.05 MPa}"))
 
 
 def test_ends_regions_materials_filters_and_hardness_are_axes() -> None:

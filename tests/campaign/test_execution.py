@@ -24,13 +24,9 @@ from roughvol.store.run_folder import checkpoint_file
 from roughvol.store.run_status import status
 from roughvol.study import Study, loads
 from tests.bench import scale
-from tests.campaign.kit import Events, at_work, command, files_of, noise, values_of
+from tests.campaign.kit import OF_DASK, Events, at_work, command, files_of, noise, values_of
 
-# The client of Dask leaves its loop's sockets to the garbage collector.
-pytestmark = [
-    pytest.mark.filterwarnings("ignore::ResourceWarning"),
-    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
-]
+pytestmark = OF_DASK
 
 TEXT = """
 name: tiny

@@ -22,7 +22,7 @@ from roughvol.store.dataset import Dataset
 from roughvol.study import loads
 from roughvol.surfaces.texture import summit_plane
 from tests.campaign.kit import case_of, noise, resumed, solved, table, values_of
-from tests.kit import refused, said
+from tests.kit import ran, refused, said
 
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -345,9 +345,9 @@ def test_states_of_later_legs_hinder_no_figure() -> None:
         "sweep: [{steps: 2, to: {pressure: 0.7}}, {steps: 1, to: {pressure: 0.1}}, {steps: 2, to: {pressure: 2}}]\n"
         "record: {fields_at: {pressure: %s}, all_legs: %s, transport: {transmissivity: last}}\n"
     )
-    run(loads(text % (0.5, "true"), "drawn.yaml"), out=Path("drawn"), jobs=1)
+    ran("drawn", text % (0.5, "true"))
     said("plot", "drawn", "fig09")
-    run(loads(text % (1, "false"), "later.yaml"), out=Path("later"), jobs=1)
+    ran("later", text % (1, "false"))
     for figure in ("fig09", "flow_of_p"):
         reason = refused("plot", "later", figure)
         assert "no case of the dataset has a value of each on the first leg" in reason

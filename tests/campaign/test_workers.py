@@ -18,15 +18,10 @@ from roughvol.errors import CampaignError, StudyError
 from roughvol.store import run_status
 from roughvol.study import loads
 from tests.campaign import tasks
-from tests.campaign.kit import Dask, Events, values_of
+from tests.campaign.kit import OF_DASK, Dask, Events, values_of
 from tests.kit import python
 
-# The client of Dask leaves its loop's sockets to the garbage collector.
-pytestmark = [
-    pytest.mark.processes,
-    pytest.mark.filterwarnings("ignore::ResourceWarning"),
-    pytest.mark.filterwarnings("ignore::DeprecationWarning"),
-]
+pytestmark = [pytest.mark.processes, *OF_DASK]
 
 
 class Ends(dict[Any, Any]):
