@@ -45,27 +45,6 @@ def test_convolution_is_the_matrix_of_the_coefficients(sides, kernel, shape):
             lent[0, 0] = 1.0
 
 
-def test_nothing_is_left_behind_by_earlier_calls():
-    shape, everything, spike = (12, 7), np.arange(84), np.zeros(84)
-    spike[9] = 1.0
-    some, ones, high = everything[::3], np.ones(28), np.full(84, math.nan)
-
-    def calls(elements, pressure, heights):
-        return [
-            lambda space: space.displacement(heights.reshape(shape)),
-            lambda space: space.displacement_above(heights, elements, pressure),
-            lambda space: space.displacement_at(elements, pressure),
-            lambda space: space.displacement_at(elements, pressure.astype(np.float32), single=True),
-        ]
-
-    for dirty in calls(everything, high, high):
-        for call in calls(some, ones, spike):
-            used = HalfSpace(shape)
-            with np.errstate(invalid="ignore"):
-                dirty(used)
-            assert np.array_equal(call(used), call(HalfSpace(shape)))
-
-
 def test_arguments_and_results_belong_to_the_caller():
     space, pressure = HalfSpace((9, 9)), random(0).random(81)
     elements, kept = np.arange(40, 60), pressure.copy()
