@@ -1,4 +1,4 @@
-"""Sheets of patches: duality, limits, bounds, and the threshold of closed patches."""
+"""Sheets of patches: the matrix of their nodes, duality, limits, and the load at which the last way closes."""
 
 from fractions import Fraction
 
@@ -67,24 +67,13 @@ def test_sheets_together_are_those_of_each_alone():
         assert together[1, 3] == of(along[1, 3], across[1, 3])
 
 
-@pytest.mark.parametrize("shape", [(2, 2), (3, 5), (6, 4)])
+@pytest.mark.parametrize("shape", [(2, 2), (3, 5), (24, 24)])
 def test_the_product_with_the_dual_sheet_is_one(shape):
     n, m = shape
     along, across = np.exp(logs((n, m), 4, 3.0)), np.exp(logs((n - 1, m), 5, 3.0))
     dual = np.zeros((m - 1, n))
     dual[:, : n - 1] = 1.0 / across[:, : m - 1].T
     assert sheet.conductance(along, across) * sheet.conductance(1.0 / along.T, dual) == pytest.approx(1.0, rel=1e-12)
-
-
-def test_closes_where_its_dual_opens():
-    """Void leads along the flow, or closed patches across it: so sheets close at one half of the joints."""
-    rng = np.random.default_rng(6)
-    for _ in range(50):
-        along, across = rng.random((4, 5)), rng.random((3, 5))
-        load = sheet.closing(along, across)
-        dual = np.zeros((4, 4))
-        dual[:, :3] = 1.0 - across[:, :4].T
-        assert sheet.closing(1.0 - along.T, dual) == pytest.approx(1.0 - load)
 
 
 def test_limits_of_patches_side_by_side_and_in_a_row():
@@ -94,17 +83,6 @@ def test_limits_of_patches_side_by_side_and_in_a_row():
     assert sheet.conductance(one_column, np.ones((8, 1))) == pytest.approx(harmonic, rel=1e-12)
     assert sheet.closing(one_row, np.empty((0, 9))) == one_row.max()
     assert sheet.closing(one_column, np.ones((8, 1))) == one_column.min()
-
-
-def test_many_patches_alike_in_all_directions_conduct_their_geometric_mean():
-    scatter = 2.0
-    found = [
-        np.log(sheet.conductance(np.exp(logs((24, 24), k, scatter)), np.exp(logs((23, 24), 100 + k, scatter))))
-        for k in range(40)
-    ]
-    error = np.std(found, ddof=1) / np.sqrt(len(found))
-    assert abs(np.mean(found)) < 3.0 * error
-    assert error < 0.02 * scatter
 
 
 def test_decades_between_patches_leave_the_widest_way():
