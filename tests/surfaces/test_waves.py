@@ -190,16 +190,6 @@ def test_moments_are_the_integrals_of_the_law(rolloff, hurst):
     assert math.sqrt(total) == pytest.approx(3.0, rel=1e-8)
 
 
-def test_moments_of_a_power_law_give_its_known_parameter_of_nayak():
-    zeta = 64.0
-    for H in (0.3, 0.8):  # rolloff 1, ζ = cut: as Yastrebov, Anciaux and Molinari (2015)
-        m0, m2, m4 = (zeta ** (order - 2 * H) - 1 for order in (0, 2, 4))
-        known = 1.5 * (1 - H) ** 2 / (H * (H - 2)) * m0 * m4 / m2**2
-        of_height, of_slope, of_curvature = (moment(Spectrum(rolloff=1.0, cut=zeta), H, order) for order in (0, 2, 4))
-        found = 1.5 * of_height * of_curvature / of_slope**2
-        assert found == pytest.approx(known, rel=1e-10)
-
-
 def test_whole_numbers_of_numpy_are_taken():
     spectrum = Spectrum(rolloff=2.0, cut=8.0)
     made = power_law_surface(spectrum, 0.8, np.int64(16), seed=np.int64(3))
