@@ -7,13 +7,6 @@ from scipy.interpolate import PchipInterpolator
 from roughvol.observables.at_state import at_state, error_of_fewer_steps, kept_steps
 
 
-def test_steps_are_met_and_curves_followed():
-    x = np.linspace(0.0, 1.0, 31)
-    assert_allclose(at_state(x, np.exp(-x), x), np.exp(-x))
-    between = 0.5 * (x[1:] + x[:-1])
-    assert_allclose(at_state(x, np.exp(-x), between), np.exp(-between), atol=2e-5)
-
-
 def test_the_cubics_are_those_of_scipy():
     """With falling, equal and reversing numbers, at steps, between them, and on two steps alone."""
     random = np.random.default_rng(5)
