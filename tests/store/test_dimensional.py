@@ -73,30 +73,6 @@ def test_two_parallel_plates_leak_by_the_closed_form(results: Dataset) -> None:
     assert_allclose(found.free_volume_per_area, 5e-6 * 1e9, rtol=1e-12)  # m³/m² in mm³/m²
 
 
-def test_a_leak_rate_is_the_flow_through_the_stored_gap(results: Dataset) -> None:
-    # Reynolds on the elements, in SI and with a dense matrix: pressures at the centres, harmonic means of g³/(12 μ).
-    one = results.isel(D=0, m=0, seed=0)
-    gap = one.gap.isel(field_at=0).transpose("x", "y").values * float(one.Sq) * 1e-6
-    k = gap**3 / (12 * 3e-3)
-    number, flat = np.arange(k.size).reshape(k.shape), k.ravel()
-    first = np.append(number[:-1], number[:, :-1])
-    second = np.append(number[1:], number[:, 1:])
-    matrix, inlet = np.zeros((k.size, k.size)), np.zeros(k.size)
-    for a, b in zip(first, second, strict=True):
-        w = 2 * flat[a] * flat[b] / (flat[a] + flat[b]) if flat[a] * flat[b] > 0 else 0.0
-        matrix[[a, b], [a, b]] += w
-        matrix[[a, b], [b, a]] -= w
-    inlet[number[0]] = 2 * flat[number[0]]
-    for side in (number[0], number[-1]):
-        matrix[side, side] += 2 * flat[side]
-    load = inlet * 2e5
-    open_ = np.diag(matrix) > 0
-    pressure = np.zeros(k.size)
-    pressure[open_] = np.linalg.solve(matrix[np.ix_(open_, open_)], load[open_])
-    flow = float(np.sum(inlet * (2e5 - pressure))) * 1e9
-    assert_allclose(one.leak_rate.sel(axis="x").isel(step=0), flow, rtol=1e-6)
-
-
 def test_pressure_volume_and_gaps_are_the_starred_ones_times_their_scales(results: Dataset) -> None:
     sigma = results.Sq  # um
     assert_allclose(results.nominal_pressure, results.mean_pressure * sigma / 100 * 2000, rtol=1e-12)
