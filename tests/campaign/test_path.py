@@ -46,19 +46,6 @@ def _stored(text: str, out: str = "run") -> Dataset:
 # One case
 
 
-def test_a_case_is_its_surface_and_its_sweep() -> None:
-    case = case_of(PLAIN + "sweep: {steps: 6}\nrecord: {heights: true}")
-    surface, result = surface_of(case), run_case(case).squeeze()
-    last = (surface.z_max - surface.heights.mean()) / surface.Sq
-    contacts = list(sweep(surface, HalfSpace(surface.shape), last * np.arange(1, 7) / 6, rtol=1e-6))
-    assert_allclose(result.indentation, last * np.arange(1, 7) / 6, rtol=1e-14)
-    assert_allclose(result.contact_area_fraction, [contact.contact_area_fraction for contact in contacts], rtol=1e-12)
-    assert_allclose(result.free_volume, [contact.free_volume for contact in contacts], rtol=1e-9)
-    assert_array_equal(result.heights, surface.heights)
-    assert result.converged.all()
-    assert (result.D, result.m, result.seed, result.L) == (case.D, case.m, case.seed, 100.0)
-
-
 def test_a_half_space_passed_on_changes_no_value() -> None:
     held: one_case.HalfSpaces = {}
     for case in loads("surface: {D: [2.2, 2.7], m: [2, 3]}\nsweep: {steps: 2}").cases():
