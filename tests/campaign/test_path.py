@@ -356,18 +356,15 @@ def test_a_path_with_yield_and_without_is_reported_together() -> None:
 # Periodic surfaces
 
 
-def test_stored_indentation_and_separation_of_an_endless_plane_are_those_of_the_mean_planes() -> None:
+def test_a_dataset_has_the_conventions_of_its_sides() -> None:
     mirrored = "surface: {D: 2.3, m: 4, seeds: 1, sides: mirrored}\n"
     for made, sides, conventions in (
         (PERIOD, "periodic", ("periodic elastic half space", "spacing = L/rows", "the mean gap")),
         (mirrored, "mirrored", ("mirror images", "spacing = L/(rows-1)", "the mean gap")),
     ):
-        text = made + "sweep: {steps: 5, to: {contact_area: 0.6}}\nsolver: {kernel: fourier}"
-        data, surface = solved(text), surface_of(case_of(text))
-        assert_array_equal(data.free_volume, data.separation)
-        assert_allclose(data.indentation + data.separation, surface.peak, rtol=1e-12)
-        assert all(words in data.attrs["conventions"] for words in conventions)
-        assert (data.attrs["sides"], "periodic" in data.attrs) == (sides, sides == "periodic")
+        attrs = solved(made + "sweep: {steps: 1, to: {pressure: 0.1}}").attrs
+        assert all(words in attrs["conventions"] for words in conventions)
+        assert (attrs["sides"], "periodic" in attrs) == (sides, sides == "periodic")
 
 
 def test_levels_between_steps_of_a_period_are_solved_for() -> None:
@@ -393,15 +390,6 @@ def test_a_plane_is_that_of_the_separation_where_a_period_yields(sweep: str, nam
     data = solved(f"{PERIOD}material: {{E_star: 1, hardness: 0.4}}\nsweep: {sweep}")
     assert_allclose(data[name][-1], value, atol=2e-5)
     assert float(data.contact_area_fraction[-1]) < 1.0
-
-
-def test_a_path_of_a_period_that_yields_goes_up_and_down() -> None:
-    legs = "[{steps: 3, to: {separation: 0.6}}, {steps: 2, to: {separation: 1.0}}, {steps: 2, to: {pressure: 3}}]"
-    data = solved(f"{PERIOD}material: {{E_star: 1, hardness: 2.0}}\nsweep: {legs}")
-    assert_allclose(data.separation[[2, 4]], [0.6, 1.0], atol=1e-4)
-    assert_allclose(data.mean_pressure[-1], 3.0, atol=1e-3)
-    assert_allclose(data.free_volume - data.separation, data.plastic_volume, atol=1e-9)
-    assert data.plastic_volume[-1] > 0.0
 
 
 def test_the_void_stops_percolating_with_joined_sides_and_the_cell_agrees() -> None:
