@@ -13,16 +13,12 @@ from roughvol.campaign.one_case import run_case
 from roughvol.contact.kernels import KERNELS
 from roughvol.errors import StudyError
 from roughvol.store import same_study
-from roughvol.study import Case, SpectralSurface, loads
+from roughvol.study import SpectralSurface, loads
 from roughvol.study.sections.solver import FreeKernel, PeriodicKernel
 from roughvol.surfaces.spectrum import Spectrum
 from tests.kit import said
 
 STUDY = "surface: {H: 0.8, rolloff: 4, n: 32, seeds: 2}\n"
-
-
-def cases(text: str) -> tuple[Case, ...]:
-    return loads(text).cases()
 
 
 def test_the_keys_of_the_issue_are_read() -> None:
@@ -41,7 +37,7 @@ def test_the_keys_of_the_issue_are_read() -> None:
 
 
 def test_every_combination_is_a_case_with_D_and_m() -> None:
-    made = cases("surface: {H: [0.2, 0.8], rolloff: 2, n: [16, 64], seeds: [5, 3]}")
+    made = loads("surface: {H: [0.2, 0.8], rolloff: 2, n: [16, 64], seeds: [5, 3]}").cases()
     assert [(case.D, case.m, case.seed) for case in made] == list(itertools.product((2.8, 2.2), (4, 6), (5, 3)))
     assert len({case.id for case in made}) == 8
     assert {case.spectrum.cut for case in made if case.spectrum} == {32.0}  # of the finest grid: levels are nested
@@ -71,15 +67,6 @@ def test_auto_is_read_back_and_has_the_levels_of_its_first_grid() -> None:
 
 
 # What is stored
-
-
-def test_a_patch_is_pressed() -> None:
-    text = STUDY + "sweep: {steps: 2, to: {pressure: 0.3}}\nrecord: {psd: true, heights: true}"
-    result = run_case(cases(text)[1]).squeeze()
-    assert result["mean_pressure"].values[-1] == pytest.approx(0.3, rel=1e-3)
-    assert (float(result["nodes_x"]), result["heights"].shape) == (33.0, (33, 33))
-    assert result["x"].values[[0, -1]].tolist() == [0.0, 1.0]
-    assert float(result["D"]) == 2.2
 
 
 def test_a_periodic_surface_is_stored_with_its_exact_spectrum() -> None:
