@@ -302,20 +302,6 @@ def test_defaults_are_part_of_the_key_written_out_or_not(tmp_path: Path) -> None
     assert generated["pressed"]["solver"].keys() == {"rtol", "pressure_error", "method"}
 
 
-def test_a_stored_study_of_version_0_8_is_read() -> None:
-    stored = """
-name: old
-surface: {file: scan.npy, L: 4.0, variable: null, crop: {x: [0.0, 0.5], y: [0.0, 1.0]}}
-material: {E_star: 1.0, hardness: null}
-sweep: {steps: 2, to: mean-plane}
-solver: {accuracy: standard, rtol: null, kernel: love, method: fast}
-record: {heights: false, fields_at: null, box_counting: null, volume_density: null, transport: null, region: null}
-"""
-    study = loads(stored, stored=True)
-    assert study.surface.level == "none"
-    assert loads(study.stored(), stored=True) == study
-
-
 def test_the_id_of_height_files_follows_the_content_of_both(tmp_path: Path) -> None:
     for name in ("my a", "b"):
         np.save(tmp_path / f"{name}.npy", np.zeros((3, 3)))
