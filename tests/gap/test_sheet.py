@@ -1,4 +1,4 @@
-"""Sheets of patches: the matrix of their nodes, duality, limits, and the load at which the last way closes."""
+"""Sheets of patches: the matrix of their nodes, duality, limits, bounds, and the load at which the last way closes."""
 
 from fractions import Fraction
 
@@ -83,6 +83,35 @@ def test_limits_of_patches_side_by_side_and_in_a_row():
     assert sheet.conductance(one_column, np.ones((8, 1))) == pytest.approx(harmonic, rel=1e-12)
     assert sheet.closing(one_row, np.empty((0, 9))) == one_row.max()
     assert sheet.closing(one_column, np.ones((8, 1))) == one_column.min()
+
+
+def test_many_patches_alike_in_all_directions_conduct_their_geometric_mean():
+    found = np.log(sheet.conductance(np.exp(logs((40, 24, 24), 12, 2.0)), np.exp(logs((40, 23, 24), 13, 2.0))))
+    error = np.std(found, ddof=1) / np.sqrt(len(found))
+    assert abs(np.mean(found)) < 3.0 * error < 0.12
+
+
+def test_closes_where_its_dual_opens():
+    """Void leads along the flow, or closed patches across it: so sheets close at one half of the joints."""
+    along, across = np.random.default_rng(6).random((2, 50, 4, 5))
+    dual = np.zeros((50, 4, 4))
+    dual[:, :, :3] = 1.0 - across[:, :3, :4].swapaxes(1, 2)
+    closing = sheet.closing(along, across[:, :3])
+    np.testing.assert_allclose(sheet.closing(1.0 - along.swapaxes(1, 2), dual), 1.0 - closing)
+
+
+def test_a_sheet_is_between_its_bounds():
+    """Means along the flow (Wiener), columns without cross flow and lines of one pressure (Cardwell & Parsons)."""
+    along, across = np.exp(logs((30, 4, 6), 14)), np.exp(logs((30, 3, 6), 15))
+    columns, lines = (1.0 / along).mean(axis=1), along.mean(axis=2)
+    bounds = (
+        1.0 / (1.0 / along).mean(axis=(1, 2)),
+        (1.0 / columns).mean(axis=1),
+        sheet.conductance(along, across),
+        1.0 / (1.0 / lines).mean(axis=1),
+        along.mean(axis=(1, 2)),
+    )
+    assert np.all(np.diff(bounds, axis=0) > 0.0)
 
 
 def test_decades_between_patches_leave_the_widest_way():
