@@ -1,7 +1,5 @@
 """``ds.roughvol``: against plain numpy, over every shape of a dataset, and its refusals."""
 
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,13 @@ from xarray import Dataset
 
 import roughvol
 from roughvol.errors import DatasetError, StudyError
+from tests.kit import python
 
+QUESTIONS: tuple[Callable[[Dataset], object], ...] = (
+    lambda ds: ds.roughvol.at("last"),
+    roughvol.show,
+    lambda ds: roughvol.plot(ds, "v_of_p"),
+)
 STUDY: dict[str, Any] = {
     "surface": {"D": [2.2, 2.6], "m": [4, 5], "seeds": 2, "L": "100 um"},
     "material": {"E": ["10 MPa", "20 MPa"], "nu": 0.5},
@@ -95,10 +99,9 @@ def test_a_question_without_an_answer_is_refused(swept: Dataset, call: Any, mess
         call(swept)
 
 
-def test_the_accessor_comes_with_the_functions_that_return_a_dataset_and_not_with_the_import(tmp_path: Path) -> None:
-    lines = ["import sys, roughvol", "assert 'xarray' not in sys.modules", "roughvol.open"]
-    lines += ["import xarray", "xarray.Dataset.roughvol"]
-    subprocess.run([sys.executable, "-c", "; ".join(lines)], check=True, cwd=tmp_path, timeout=60)
+def test_the_accessor_comes_with_the_functions_that_return_a_dataset_and_not_with_the_import() -> None:
+    used = "roughvol.open; import xarray; xarray.Dataset.roughvol"
+    python("-c", f"import sys, roughvol; assert 'xarray' not in sys.modules; {used}")
 
 
 @pytest.mark.parametrize(
@@ -137,30 +140,16 @@ def test_heights_in_another_unit_change_no_load(swept: Dataset) -> None:
     assert np.allclose(in_mm.roughvol.derived()["mean_gap"], swept.roughvol.derived()["mean_gap"], rtol=1e-12)
 
 
-def test_a_question_on_one_step_or_one_axis_is_refused(swept: Dataset) -> None:
-    for chosen, word in ((swept.isel(step=1), "step 2 alone"), (swept.assign_coords(axis="x"), "axis x alone")):
-        for ask in (
-            lambda ds: ds.roughvol.at("last"),
-            roughvol.show,
-            roughvol.ask,
-            lambda ds: roughvol.plot(ds, "fig05"),
-        ):
-            with pytest.raises(DatasetError, match=word):
-                ask(chosen)
-
-
 def test_numbers_at_a_load_are_no_states(swept: Dataset) -> None:
-    at_load = swept.roughvol.at("last")
-    for question in (roughvol.show, lambda ds: roughvol.plot(ds, "v_of_p"), lambda ds: ds.roughvol.at("last")):
-        with pytest.raises(DatasetError, match="has no dimension step, as numbers at a load; allowed: the states"):
-            question(at_load)
     law = {"power": {"exponent": 0.1, "time": "1 s"}}
-    for asked in (
+    read_offs = (
         lambda ds: roughvol.ask(ds, leak_rate="1 mm^3/s"),
         lambda ds: roughvol.creep(ds, law, at="p=0.1", times="1 s"),
-    ):
-        with pytest.raises(StudyError, match="has no dimension step, as numbers at a load; allowed: the states"):
-            asked(at_load)
+    )
+    for error, questions in ((DatasetError, QUESTIONS), (StudyError, read_offs)):
+        for question in questions:
+            with pytest.raises(error, match="has no dimension step, as numbers at a load; allowed: the states"):
+                question(swept.roughvol.at("last"))
 
 
 def test_what_follows_from_a_step_or_a_part_of_the_variables_is_derived() -> None:
@@ -176,6 +165,8 @@ def test_what_follows_from_a_step_or_a_part_of_the_variables_is_derived() -> Non
 @pytest.mark.parametrize(
     ("choose", "word"),
     [
+        (lambda ds: ds.isel(step=1), "step 2 alone"),
+        (lambda ds: ds.assign_coords(axis="x"), "axis x alone"),
         (lambda ds: ds.sel(E=20.0, drop=True), "lost its label of E"),
         (lambda ds: ds.isel(seed=0, drop=True), "has no dimension seed or case"),
         (lambda ds: ds.mean("seed"), r"ds\.roughvol\.at\(LOAD\)\.roughvol\.mean"),
@@ -193,12 +184,11 @@ def test_what_follows_from_a_step_or_a_part_of_the_variables_is_derived() -> Non
         ),
         (lambda ds: xr.concat([ds, ds], pd.Index(["a", "b"], name="run")), "has a dimension run, which its study"),
     ],
-    ids=["list", "seed", "mean", "stack", "where", "names", "none", "D", "step", "variable", "labels", "seeds", "runs"],
 )
 def test_a_choice_without_what_a_question_needs_is_refused(
     swept: Dataset, choose: Callable[[Dataset], Dataset], word: str
 ) -> None:
-    for question in (lambda ds: ds.roughvol.at("last"), roughvol.show, lambda ds: roughvol.plot(ds, "v_of_p")):
+    for question in (*QUESTIONS, roughvol.ask, lambda ds: roughvol.plot(ds, "fig05")):
         with pytest.raises(DatasetError, match=word):
             question(choose(swept))
 
@@ -213,25 +203,12 @@ def test_a_height_file_may_have_the_name_of_two_bodies(here: Path) -> None:
 @pytest.mark.parametrize(("second", "words"), [("face.npy", "face.npy twice"), ("other.npy", "other.npy")])
 def test_runs_of_height_files_that_were_joined_are_refused(here: Path, second: str, words: str) -> None:
     """Both had the modulus of the first: a surface of the second was left out as not pressed to the load."""
-    study = {
-        "name": "a",
-        "surface": {"L": "1 mm", "heights_unit": "um"},
-        "sweep": {"pressures": ["0.1 MPa", "0.2 MPa"]},
-    }
     runs = []
-    for file, E in (("face.npy", "10 MPa"), (second, "40 MPa")):
+    for name, file, E in (("one", "face.npy", "10 MPa"), ("other", second, "40 MPa")):
         np.save(file, np.random.default_rng(3).normal(size=(7, 7)))
-        runs.append(
-            roughvol.run(
-                study | {"name": E[:2], "surface": {"file": file, **study["surface"]}, "material": {"E_star": E}}
-            )
-        )
-    for ds in runs:
-        roughvol.show(ds)
-    for question in (
-        lambda ds: ds.roughvol.at(pressure="0.15 MPa"),
-        roughvol.show,
-        lambda ds: roughvol.plot(ds, "v_of_p"),
-    ):
+        surface, sweep = {"file": file, "L": "1 mm", "heights_unit": "um"}, {"pressures": ["0.1 MPa", "0.2 MPa"]}
+        runs.append(roughvol.run({"name": name, "surface": surface, "material": {"E_star": E}, "sweep": sweep}))
+        roughvol.show(runs[-1])
+    for question in QUESTIONS:
         with pytest.raises(DatasetError, match=f"has case = {words}, which its study does not name"):
             question(xr.concat(runs, "case", combine_attrs="override"))
