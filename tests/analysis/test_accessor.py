@@ -82,6 +82,7 @@ def test_the_last_state_of_a_pressed_map_is_its_last_step() -> None:
     ("call", "message"),
     [
         (lambda ds: ds.roughvol.at(pressure="9 GPa"), "its steps have pressure"),
+        (lambda ds: ds.roughvol.at(separation=50), "has no state at separation=50"),
         (lambda ds: ds.roughvol.at(force=1), "allowed: last, or KIND=VALUE"),
         (lambda ds: ds.roughvol.at(), "at takes one level"),
         (lambda ds: ds.roughvol.at(pressure=1, separation=1), "at takes one level"),
