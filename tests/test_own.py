@@ -10,6 +10,7 @@ import pytest
 
 import roughvol
 from roughvol.campaign import collect
+from roughvol.ensemble import design, step_error
 from roughvol.errors import CampaignError, DatasetError, StudyError
 from roughvol.observables.variables import QUANTITIES, VARIABLES
 from roughvol.study import loads
@@ -48,40 +49,16 @@ def nominal(state):
 
 nominal.coordinates = {"part": range(5)}
 
-def sides(state):
-    return [state.gap[:, 0].mean(), state.gap[:, -1].mean()]
+def labelled(dimension, labels):
+    def of(state):
+        return [0.0] * len(labels)
 
-sides.coordinates = {"half": [1.0, 2.0]}
+    of.coordinates = {dimension: labels}
+    return of
 
-def words(state):
-    return [0.0, 1.0]
-
-words.coordinates = {"side": ["left", "right"]}
-
-def twice(state):
-    return [0.0, 1.0]
-
-twice.coordinates = {"part": [1.0, 1.0]}
-
-def unknown(state):
-    return [0.0, 1.0]
-
-unknown.coordinates = {"part": [1.0, float("nan")]}
-
-def none(state):
-    return []
-
-none.coordinates = {"part": []}
-
-def sloped(state):
-    return [0.0, 1.0]
-
-sloped.coordinates = {"dz/dx": [0.0, 1.0]}
-
-def three(state):
-    return [0.0, 1.0, 2.0]
-
-three.coordinates = {"axis": range(3)}
+sides, words, twice = labelled("half", [1.0, 2.0]), labelled("side", ["left", "right"]), labelled("part", [1.0, 1.0])
+unknown, none = labelled("part", [1.0, float("nan")]), labelled("part", [])
+sloped, three = labelled("dz/dx", [0.0, 1.0]), labelled("axis", range(3))
 
 def forgotten(state):
     state.gap.max()
@@ -138,8 +115,10 @@ def ensemble(functions, accuracy, at="{indentation: [0.5, 1.1]}"):
 
 
 @pytest.fixture(autouse=True)
-def _folder(here):
-    """Work in an empty folder; leave no rows and no module behind."""
+def _folder(here, monkeypatch):
+    """Work in an empty folder, with ensembles of few samples; leave no rows and no module behind."""
+    monkeypatch.setattr(design, "PILOT", 8)
+    monkeypatch.setattr(step_error, "SURFACES", 8)
     yield
     forget()
 
