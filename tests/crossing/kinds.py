@@ -5,7 +5,7 @@ A kind is made once in a session, by ``roughvol run``.
 """
 
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -41,10 +41,11 @@ class Kind:
         Length over width of a seal; 1 without a seal.
     beside : (str, str)
         The kind to compare with, and the load of the comparison.
-    files : callable, optional
-        Writes the height files into a folder.
-    afterwards : callable, optional
-        Changes the study or a file after the run. Questions are then put with the study file.
+    files : mapping
+        Names of height files: seed, Sq in um, and nodes a side.
+    afterwards : mapping
+        The same for files that change after the run; of a study, the words before and after. Questions are then put
+        with the study file.
     """
 
     name: str
@@ -58,8 +59,8 @@ class Kind:
     axes: str = "xy"
     squares: float = 1.0
     beside: tuple[str, str] = ("one", "pressure=0.05 MPa")
-    files: Callable[[Path], None] | None = field(default=None)
-    afterwards: Callable[[Path], None] | None = field(default=None)
+    files: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    afterwards: Mapping[str, Sequence[Any]] = field(default_factory=dict)
 
     @property
     def file(self) -> str:
@@ -77,7 +78,7 @@ class Kind:
         return self.file if self.afterwards else self.name
 
 
-def _heights(seed: int, sq: float, nodes: int = 17) -> np.ndarray:
+def _heights(seed: int, sq: float, nodes: int) -> np.ndarray:
     """Return a rough map with a given Sq in um: random waves with amplitudes that fall with the wave number."""
     random = np.random.default_rng(seed)
     waves = np.fft.rfft2(random.standard_normal((nodes, nodes)))
@@ -87,46 +88,14 @@ def _heights(seed: int, sq: float, nodes: int = 17) -> np.ndarray:
     return sq * (z - z.mean()) / z.std()
 
 
-def _two_files(folder: Path) -> None:
-    np.save(folder / "flat.npy", _heights(3, 0.4))
-    np.save(folder / "rough.npy", _heights(4, 0.9))
-
-
-def _one_file(folder: Path) -> None:
-    np.save(folder / "worn.npy", _heights(5, 0.5))
-
-
-def _fine_file(folder: Path) -> None:
-    np.save(folder / "fine.npy", _heights(9, 0.5, 61))
-
-
-def _fine_period(folder: Path) -> None:
-    np.save(folder / "period.npy", _heights(10, 0.5, 64))
-
-
-def _two_bodies(folder: Path) -> None:
-    np.save(folder / "lower.npy", _heights(6, 0.3))
-    np.save(folder / "upper.npy", _heights(7, 0.4))
-
-
-def _softer(folder: Path) -> None:
-    file = folder / "study-changed.yaml"
-    file.write_text(file.read_text(encoding="utf-8").replace("10 MPa", "20 MPa"), encoding="utf-8")
-
-
-def _other_heights(folder: Path) -> None:
-    np.save(folder / "worn.npy", _heights(8, 0.7))
-
-
-FILES = {
-    "": None,
-    "two_files": _two_files,
-    "one_file": _one_file,
-    "two_bodies": _two_bodies,
-    "fine_file": _fine_file,
-    "fine_period": _fine_period,
-}
-AFTERWARDS = {"": None, "softer": _softer, "other_heights": _other_heights}
+def write(folder: Path, files: Mapping[str, Sequence[Any]]) -> None:
+    """Write height maps into a folder, and replace words of the study files there."""
+    for name, given in files.items():
+        if name.endswith(".npy"):
+            np.save(folder / name, _heights(*given))
+        else:
+            text = (folder / name).read_text(encoding="utf-8")
+            (folder / name).write_text(text.replace(*given), encoding="utf-8")
 
 
 def _kind(name: str, row: dict[str, Any]) -> Kind:
@@ -134,9 +103,8 @@ def _kind(name: str, row: dict[str, Any]) -> Kind:
     modulus = row.pop("modulus", 10.0)
     if not isinstance(modulus, float):
         modulus = {float(label): value for label, value in modulus.items()}
-    files, afterwards = FILES[row.pop("files", "")], AFTERWARDS[row.pop("afterwards", "")]
     fields = {key: tuple(value) if isinstance(value, list) else value for key, value in row.items()}
-    return Kind(name, modulus=modulus, files=files, afterwards=afterwards, **fields)
+    return Kind(name, modulus=modulus, **fields)
 
 
 _TABLE = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))

@@ -1034,7 +1034,7 @@ def card(made: Made) -> int:
     found = json.loads(call(made, "card", made.kind.file, "--at", load, "--jobs", "1", "--json"))
     alike(made, found, lambda: roughvol.card(made.kind.file, load, jobs=1, changes=made.kind.changes).plain())
     own = made
-    if made.kind.afterwards is not None:  # a card is of the study and the files as they are now
+    if made.kind.afterwards:  # a card is of the study and the files as they are now
         call(made, "run", made.kind.file, "--out", "runs/now", "--fresh", "--jobs", "1")
         own = Made(made.kind, made.folder, "now")
     if not made.kind.lists or made.kind.changes:

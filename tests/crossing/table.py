@@ -2,7 +2,6 @@
 
 `CELLS` has one entry for each question. ``right`` lists the kinds whose numbers are compared with the oracle.
 ``refused`` has the words that the message must contain. A kind in neither is an empty cell, which fails the tests.
-``wrong`` marks cells of either sort that have a defect, by the number of its finding.
 """
 
 from dataclasses import dataclass, field
@@ -30,7 +29,6 @@ class Cells:
 
     right: str
     refused: dict[str, str] = field(default_factory=dict)
-    wrong: dict[str, str] = field(default_factory=dict)
 
 
 NO_LEAK = dict.fromkeys(("D", "ensemble", "own", "mean-plane", "unpressed"), "which the run does not have")

@@ -14,7 +14,7 @@ from roughvol.analysis.accessor import Accessor
 from roughvol.cli import main
 from roughvol.study import Study
 from roughvol.study.sections.record import Record
-from tests.crossing.kinds import BY_NAME, KINDS
+from tests.crossing.kinds import BY_NAME, KINDS, write
 from tests.crossing.questions import QUESTIONS, Made, Refused
 from tests.crossing.table import CELLS, NOT_ASKED, PAGE, TOGETHER, cell, page
 
@@ -30,15 +30,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Made]:
     def make(name: str) -> Made:
         kind = BY_NAME[name]
         one = Made(kind, folder)
-        if kind.files is not None:
-            kind.files(folder)
+        write(folder, kind.files)
         (folder / kind.file).write_text(kind.study, encoding="utf-8")
         arguments = ["run", str(folder / kind.file), "--jobs", "1", "--out", str(one.file.parent)]
         done = CliRunner().invoke(main, arguments)
         assert done.exit_code == 0, done.output
         one.printed = done.stdout
-        if kind.afterwards is not None:
-            kind.afterwards(folder)
+        write(folder, kind.afterwards)
         return one
 
     def with_its_neighbour(name: str) -> Made:
@@ -48,16 +46,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Made]:
     return with_its_neighbour
 
 
-def _cells() -> list[object]:
-    marked = []
-    for question, kind in PLACES:
-        finding = CELLS[question].wrong.get(kind) if question in CELLS else None
-        marks = [pytest.mark.xfail(strict=True, reason=f"finding {finding}")] if finding else []
-        marked.append(pytest.param(question, kind, marks=marks, id=f"{kind}: {question}"))
-    return marked
-
-
-@pytest.mark.parametrize(("question", "kind"), _cells())
+@pytest.mark.parametrize(("question", "kind"), PLACES, ids=[f"{kind}: {question}" for question, kind in PLACES])
 def test_a_cell_is_right_or_refused_with_its_sentence(made: Callable[[str], Made], question: str, kind: str) -> None:
     (expected,) = cell(question, kind)
     if expected == "right":
@@ -73,7 +62,7 @@ def test_no_cell_is_empty_and_none_has_two_entries() -> None:
     assert {
         (question, kind): len(cell(question, kind)) for question, kind in PLACES if len(cell(question, kind)) != 1
     } == {}
-    named = {kind for cells in CELLS.values() for kind in (*cells.right.split(), *cells.refused, *cells.wrong)}
+    named = {kind for cells in CELLS.values() for kind in (*cells.right.split(), *cells.refused)}
     assert named == set(BY_NAME)
 
 
