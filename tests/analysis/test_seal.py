@@ -37,7 +37,12 @@ record:
   dimensional: {pressure: MPa, leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s}}
 seal: {length: 120 mm, width: 2 mm}
 """
+SWEEP, PRESSED = "steps: 8, to: percolation", "steps: 2, to: {pressure: 0.02 MPa}"
 COARSE = TEXT.replace("n: 32", "n: 16")
+ALONE = COARSE.replace("seeds: 3", "seeds: 1")
+AIR = "fluid: {gas: air, inlet: 2 bar, outlet: 1 bar}\n"
+FLOWS = COARSE.replace("every-step}", "every-step, gas_flow: every-step}")
+BOTH = FLOWS.replace("mPa*s}}", "mPa*s}, gas_leak_rate: mbar*l/s}") + AIR
 LAW = {"power": {"exponent": 0.1, "time": "1 s"}}
 AT = "pressure=0.05 MPa"
 
@@ -273,13 +278,7 @@ def test_a_gas_leaks_through_a_seal_as_much_more_as_through_its_patches() -> Non
 
 
 def test_a_card_has_the_leak_of_a_gas_through_its_seal(tmp_path: Path) -> None:
-    text = COARSE.replace("seeds: 3", "seeds: 1").replace(
-        "steps: 8, to: percolation", "steps: 2, to: {pressure: 0.02 MPa}"
-    )
-    text = text.replace("every-step}", "every-step, gas_flow: every-step}").replace(
-        "mPa*s}}", "mPa*s}, gas_leak_rate: mbar*l/s}"
-    )
-    card, of_seal = _card(f"{text}fluid: {{gas: air, inlet: 2 bar, outlet: 1 bar}}\n", "last", tmp_path)
+    card, of_seal = _card(BOTH.replace("seeds: 3", "seeds: 1").replace(SWEEP, PRESSED), "last", tmp_path)
     (gas,) = card.beside
     plain = of_seal.plain()
     assert_allclose(plain["gas_leak"], 60.0 * gas.leaks[0].value, rtol=1e-5)  # 60 squares of one patch
@@ -317,11 +316,7 @@ def test_surfaces_made_alike_are_turned_whatever_their_flows(
 
 
 def test_a_seal_of_a_gas_alone_turns_its_patches_as_beside_a_liquid(tmp_path: Path) -> None:
-    text = COARSE.replace("every-step}", "every-step, gas_flow: every-step}").replace(
-        "mPa*s}}", "mPa*s}, gas_leak_rate: mbar*l/s}"
-    )
-    text = text.replace("steps: 8, to: percolation", "pressures: [0.01 MPa, 0.05 MPa]")
-    both = roughvol.run(loads(f"{text}fluid: {{gas: air, inlet: 2 bar, outlet: 1 bar}}\n"), jobs=1, out=tmp_path)
+    both = roughvol.run(loads(BOTH.replace(SWEEP, "pressures: [0.01 MPa, 0.05 MPa]")), jobs=1, out=tmp_path)
     assert seal.is_isotropic([seal.ratios(both.isel(seed=[k])) for k in range(3)])
     asked, _ = read_off.of_gas(both.squeeze(("D", "m")), "pressure")
     assert_array_equal(seal.ratios(asked.isel(seed=[0])), seal.ratios(both.isel(seed=[0])))
@@ -333,11 +328,11 @@ def test_a_seal_of_a_gas_alone_turns_its_patches_as_beside_a_liquid(tmp_path: Pa
 
 
 def test_a_seal_of_a_gas_alone_leaks_the_gas_in_its_unit_and_names_the_leg_that_closes_it(tmp_path: Path) -> None:
-    text = COARSE.replace("seeds: 3", "seeds: 1").replace("every-step}", "every-step, gas_flow: every-step}")
+    text = FLOWS.replace("seeds: 3", "seeds: 1").replace(
+        f"{{{SWEEP}}}", f"[{{steps: 4, to: percolation}}, {{{PRESSED}}}]"
+    )
     text = text.replace("leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s}", "gas_leak_rate: sccm")
-    legs = "[{steps: 4, to: percolation}, {steps: 2, to: {pressure: 0.02 MPa}}]"
-    text = text.replace("{steps: 8, to: percolation}", legs)
-    card, of_seal = _card(f"{text}fluid: {{gas: air, inlet: 2 bar, outlet: 1 bar}}\n", "last", tmp_path)
+    card, of_seal = _card(text + AIR, "last", tmp_path)
     words = card_text.seal(of_seal, legs=card_text.has_legs(card))
     gas = card_text.short(of_seal.gas_leak)
     assert words.startswith(f"of 120 mm by 2 mm leaks {gas} sccm of the gas; of a liquid T* V*³ length/width = ")
@@ -350,8 +345,7 @@ def test_a_seal_of_a_gas_alone_leaks_the_gas_in_its_unit_and_names_the_leg_that_
 
 def test_the_same_seal_of_patches_in_another_direction(tmp_path: Path) -> None:
     """A patch wider than long, as a region: the flow along x through it is that of its squares."""
-    text = COARSE.replace("seeds: 3", "seeds: 1").replace("record:", "record:\n  region: {x: [0, 0.5]}")
-    text = text.replace("steps: 8, to: percolation", "steps: 2, to: {pressure: 0.02 MPa}")
+    text = ALONE.replace("record:", "record:\n  region: {x: [0, 0.5]}").replace(SWEEP, PRESSED)
     found = {}
     for flow in ("x", "y"):
         card, of_seal = _card(text.replace("width: 2 mm", f"width: 0.5 mm, flow: {flow}"), "last", tmp_path)
@@ -385,8 +379,7 @@ def test_one_map_without_a_roll_off_has_a_leak_and_no_interval(tmp_path: Path) -
 
 
 def test_a_seal_has_no_known_leak_beyond_a_sweep_that_ended_closed_along_one_axis(tmp_path: Path) -> None:
-    text = COARSE.replace("seeds: 3", "seeds: 1").replace("to: percolation", "to: {percolation: x}")
-    card, of_seal = _card(text, AT, tmp_path)
+    card, of_seal = _card(ALONE.replace("to: percolation", "to: {percolation: x}"), AT, tmp_path)
     assert [way.leak.value for way in card.ways] == pytest.approx([0.0, math.nan], nan_ok=True)
     assert of_seal.plain()["leak"] is None
     assert "no surface is pressed to this load" in card_text.seal(of_seal)
@@ -465,7 +458,7 @@ def test_the_interval_of_a_seal_has_those_of_its_patches(here: Path) -> None:
     loads = [0.024, 0.06, 0.08, 0.1]
     listed = f"pressures: [{', '.join(f'{load} MPa' for load in loads)}]"
     ran("coarse", text.replace("steps: 8", "steps: 4"))
-    ran("solved", text.replace("steps: 8, to: percolation", listed))
+    ran("solved", text.replace(SWEEP, listed))
     lows = []
     for load, row in zip(loads, answered("show", "solved")["rows"][: len(loads)], strict=True):
         found = answered("ask", "coarse", "--leak-rate", f"{row['seal_leak_rate']} mm^3/s")
@@ -479,7 +472,7 @@ def test_the_interval_of_a_seal_has_those_of_its_patches(here: Path) -> None:
 
 def test_a_seal_leaks_no_more_beyond_its_solved_closing_load(tmp_path: Path) -> None:
     text = COARSE.replace("transmissivity: every-step", "transmissivity: every-step, closing: true")
-    text = text.replace("steps: 8, to: percolation", "steps: 4, to: {pressure: 0.04 MPa}")
+    text = text.replace(SWEEP, "steps: 4, to: {pressure: 0.04 MPa}")
     ds = roughvol.run(loads(text.replace("seeds: 3", "seeds: [3, 4, 5]")), jobs=1, out=tmp_path)
     (closed,) = roughvol.ask(ds).answers
     (least,) = roughvol.ask(ds, leak_rate="1e-30 mm^3/s").answers
@@ -508,7 +501,7 @@ def test_ways_across_a_single_row_play_no_part_in_the_closing_load(tmp_path: Pat
     """A way along x stays open up to the hardness."""
     text = TEXT.replace("seeds: 3", "anisotropy: 4, seeds: 2").replace("width: 2 mm", "width: 0.5 mm, flow: y")
     text = text.replace("10 MPa}", "10 MPa, hardness: 0.12 MPa}").replace("every-step}", "every-step, closing: true}")
-    study = loads(text.replace("steps: 8, to: percolation", "pressures: [0.002 MPa, 0.08 MPa]"))
+    study = loads(text.replace(SWEEP, "pressures: [0.002 MPa, 0.08 MPa]"))
     ds = roughvol.run(study, jobs=1, out=tmp_path / "run")
     assert np.isnan(ds.closing_pressure.sel(axis="x")).any()
     (asked,) = roughvol.ask(ds).answers
@@ -518,8 +511,7 @@ def test_ways_across_a_single_row_play_no_part_in_the_closing_load(tmp_path: Pat
 
 
 def test_a_closing_load_that_is_not_known_has_no_unit(tmp_path: Path) -> None:
-    text = COARSE.replace("seeds: 3", "seeds: 1").replace("width: 2 mm", "width: 0.5 mm")
-    text = text.replace("steps: 8, to: percolation", "steps: 2, to: {pressure: 0.02 MPa}")
+    text = ALONE.replace("width: 2 mm", "width: 0.5 mm").replace(SWEEP, PRESSED)
     lifted = "record:\n  fluid_pressure: {inlet: 1 mbar, outlet: 0 mbar, at: last, coupling: one-way}"
     states = ["pressure=0.01 MPa", "pressure=0.02 MPa"]
     found = roughvol.card(loads(text.replace("record:", lifted)), states, out=tmp_path, jobs=1)
