@@ -258,7 +258,7 @@ def test_a_coarser_grid_that_closes_before_the_load_leaves_the_part_of_the_closi
     along_x, along_y = card_of([runs], "s", "").ways
     assert along_x.leak.value > 0.0
     assert "twice the spacing: closed" in part_of(along_x, "grid").words
-    of_load = next(part for part in along_x.closing.parts if part.name == "grid")
+    of_load = part_of(along_x.closing, "grid")
     scatter, slopes = math.log(of_load.smaller), math.log(of_load.factor / of_load.smaller)
     assert slopes > scatter > 0.0
     octaves = grid.OCTAVES / (grid.OCTAVES + grid.PIXEL)
@@ -339,7 +339,7 @@ def test_the_closing_load_of_a_surface_4_times_finer_lies_in_the_interval(tmp_pa
     held = []
     for seed in range(6):
         for axis, way in _ways_of(runs, [seed]):
-            part = next(part for part in way.closing.parts if part.name == "grid")
+            part = part_of(way.closing, "grid")
             truth = finer["closing_pressure"].sel(axis=axis).isel(seed=seed).item()
             own = runs.fine.dataset["closing_pressure"].sel(axis=axis).isel(seed=seed).item()
             held.append(1.0 / part.smaller <= truth / own <= part.factor)
@@ -584,10 +584,6 @@ def test_the_load_of_a_leak_is_the_inverse_of_the_leak_at_a_load(runs: CardRuns)
             assert_allclose(one.leak_if(axis, 0.0), one.leak(axis), rtol=1e-12)
 
 
-def _window_of_load(way: Way) -> Part:
-    return next(part for part in way.closing.parts if part.name == "window")
-
-
 def test_the_window_of_a_map_with_a_closed_quadrant_ends_at_its_closing_load(tmp_path: Path) -> None:
     """A quadrant that is closed, or nearly, counts as the closing load: it does not widen the part without end."""
     run = _pressed(TEXT.replace("seeds: 3", "seeds: [1]"), Level("last"), tmp_path)
@@ -596,11 +592,11 @@ def test_the_window_of_a_map_with_a_closed_quadrant_ends_at_its_closing_load(tmp
         flows = run.dataset["quadrant_flow"].copy()
         flows[{"quadrant": 0}] *= share
         way = _of(run, run.dataset.assign(quadrant_flow=flows)).ways[0]
-        factors.append(_window_of_load(way).factor)
+        factors.append(part_of(way.closing, "window").factor)
     assert_allclose(factors[1], factors[2], rtol=1e-6)
     assert 1.0 < factors[0] < math.inf
     assert factors[2] < math.inf
-    window = _window_of_load(_of(run, run.dataset.drop_vars("quadrant_flow")).ways[0])
+    window = part_of(_of(run, run.dataset.drop_vars("quadrant_flow")).ways[0].closing, "window")
     assert (window.known, window.words) == (False, "the flows of its quadrants are not stored")
 
 
