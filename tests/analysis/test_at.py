@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from scipy.interpolate import PchipInterpolator
 from xarray import Dataset
 
 import roughvol
@@ -107,22 +106,6 @@ def _groups(run: Run) -> list[Dataset]:
 def test_the_state_of_a_path_is_named_with_its_leg(text: str, label: str) -> None:
     run = _run("path")
     assert at(run, _groups(run)[0], parse(text)).label == label
-
-
-@pytest.mark.parametrize("leg", [2, 3])
-@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
-def test_a_later_leg_begins_where_the_leg_before_ends(leg: int, share: float) -> None:
-    run = _run("path")
-    ds = run.dataset.isel(D=0, m=0, seed=[0])
-    first = int(np.flatnonzero(ds["leg"].values == leg)[0])
-    turn, after = (ds["mean_pressure"].values[0, step] for step in (first - 1, first))
-    load = turn + share * (after - turn)
-    state = at(run, ds, Level("pressure", load, leg))
-    path = np.append(first - 1, np.flatnonzero(ds["leg"].values == leg))
-    p, volume = (ds[name].values[0, path] for name in ("mean_pressure", "free_volume"))
-    sign = 1.0 if after > turn else -1.0
-    expected = float(PchipInterpolator(sign * p, volume)(sign * load))
-    assert float(state.data["free_volume"][0]) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize(
