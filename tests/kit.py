@@ -20,6 +20,9 @@ record:
   transport: {transmissivity: every-step}
   dimensional: {pressure: MPa, leak_rate: {pressure_drop: 5 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
 """
+LEAKING_GAS = f"""{LEAKING.partition("record:")[0]}fluid: {{gas: helium, inlet: 1 bar, outlet: 0 bar}}
+record: {{transport: {{gas_flow: every-step}}, dimensional: {{pressure: MPa, gas_leak_rate: sccm}}}}
+"""
 
 
 def call(*arguments: object, **options: Any) -> Result:

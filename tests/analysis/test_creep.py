@@ -21,7 +21,7 @@ from roughvol.errors import StudyError
 from roughvol.report.figures.creep import drawing_of
 from roughvol.store.dataset import Dataset
 from roughvol.study import Creep, load_creep, loads, read_times
-from tests.kit import LEAKING, answered, ran, refused, said
+from tests.kit import LEAKING_GAS, answered, ran, refused, said
 
 TEXT = """name: rubber
 surface: {D: 2.2, m: 6, seeds: 2, L: 200 um, Sq: 0.4 um}
@@ -390,8 +390,7 @@ def test_a_share_of_the_compliance_creeps_as_that_body_would(tmp_path: Path) -> 
 
 
 def test_a_gas_alone_has_its_leak_over_time(here: Path) -> None:
-    text = LEAKING.replace("transmissivity", "gas_flow").partition("  dimensional")[0]
-    ran("gas", f"{text}  dimensional: {{gas_leak_rate: sccm}}\nfluid: {{gas: air, inlet: 2 bar, outlet: 1 bar}}\n")
+    ran("gas", LEAKING_GAS)
     Path("law.yaml").write_text("table: {times: [1 s, 1 h], ratios: [1, 1.2]}", encoding="utf-8")
     question = ("creep", "gas", "--law", "law.yaml", "--at", "pressure=0.2MPa", "--times", "1 s, 1 h")
     printed = said(*question)
