@@ -80,7 +80,6 @@ def test_a_load_acts_on_the_whole_period(here: Path) -> None:
         (["compare", "dry"], "two runs or more"),
         (["compare", "dry", "wet", "--at", "pressure=9MPa"], "has no state at"),
         (["ls", "nowhere"], "no folder nowhere"),
-        (["plot", "dry", "wet", "fig05"], "fig05 shows one run"),
         (["plot", "dry", "v_of_q"], "did you mean 'v_of_p'"),
         (["plot", "dry", "v_of_p", "--size", "big"], "allowed: WxH"),
     ],
