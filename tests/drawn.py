@@ -1,9 +1,11 @@
 """What a figure shows, counted after it was drawn."""
 
 import io
+import itertools
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
@@ -17,6 +19,16 @@ def shown(fig: Figure, *, layout: bool = True) -> int:
         fig.set_layout_engine(None)
     Figure.savefig(fig, io.BytesIO(), dpi=40)
     return sum(_points(axes) for axes in fig.axes)
+
+
+def labels_are_apart(fig: Figure, axis: Axis | None = None) -> bool:
+    """Draw a figure; return whether an axis, x if none is given, has several numbers and none overlaps the next."""
+    fig.draw_without_rendering()
+    axis = axis or fig.axes[0].xaxis
+    shown = [text for text in axis.get_ticklabels(which="both") if text.get_text() and text.get_visible()]
+    low, high = axis.get_view_interval()
+    boxes = sorted((t.get_window_extent() for t in shown if low <= t.get_position()[0] <= high), key=lambda box: box.x0)
+    return len(boxes) > 1 and all(box.x1 < after.x0 for box, after in itertools.pairwise(boxes))
 
 
 def _points(axes: Axes) -> int:

@@ -578,6 +578,7 @@ def _plotted(made: Made, figure: str, check: Callable[[Made, list[Curve]], int])
     points: dict[tuple[str, ...], list[tuple[float, float]]] = {}
     with (made.folder / path).open(encoding="utf-8", newline="") as stream:
         for row in csv.DictReader(stream):
+            assert "nan" not in row.values()
             words = (
                 f"{row['curve']}, {row['case']}" if "case" in row else f"{row['curve']}, D = {row['D']}, m = {row['m']}"
             )

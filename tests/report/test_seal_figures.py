@@ -1,14 +1,13 @@
 """Figures of the flow draw what the dataset holds, and say what they miss."""
 
 import functools
-import itertools
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
-from drawn import shown
+from drawn import labels_are_apart, shown
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.testing import assert_allclose
@@ -133,23 +132,6 @@ def _known(one: Dataset, name: str) -> tuple[np.ndarray, np.ndarray]:
     return area[np.isfinite(values)], values[np.isfinite(values)]
 
 
-@pytest.mark.parametrize("axis", ["x", "y"])
-def test_transmissivity_is_the_median_of_the_surfaces_by_direction(
-    ds: Dataset, drawn: Callable[[str], Figure], axis: str
-) -> None:
-    (line,) = _lines(drawn("seal_transmissivity"), {"x": 1, "y": 4}[axis], "2.2")
-    assert line.get_marker() == "None"
-    area, median = (np.asarray(values, dtype=float) for values in line.get_data())
-    flows = []
-    for seed in range(3):
-        x, known = _known(ds.sel(D=2.2, m=4, axis=axis).isel(seed=seed), "transmissivity")
-        last = int(np.flatnonzero(known > 0.0)[-1])
-        inside = np.exp(np.interp(area, x[: last + 1], np.log(known[: last + 1])))
-        falling = np.interp(area, x[last : last + 2], known[last : last + 2])
-        flows.append(np.where(area <= x[last], inside, falling))
-    assert_allclose(median, np.median(flows, axis=0), rtol=1e-10)
-
-
 @pytest.mark.parametrize("name", ["leak_rate", "transmissivity", "diffusivity"])
 def test_one_surface_is_drawn_at_its_states_by_direction(one: Dataset, name: str) -> None:
     fig = FIGURES[f"seal_{name}"](one)
@@ -178,22 +160,6 @@ def test_a_sealed_direction_is_drawn_where_it_closes(one: Dataset) -> None:
     assert {"first state closed along $x$", "first state closed along $y$"} <= labels
 
 
-def test_a_way_closes_over_p_at_its_solved_load(one: Dataset) -> None:
-    pressure, flows = one["mean_pressure"].squeeze(), one["transmissivity"].sel(axis="x").squeeze()
-    last = int(np.flatnonzero((flows > 0.0).values)[-1])
-    end = float(0.75 * pressure[last] + 0.25 * pressure[last + 1])
-    solved = xr.DataArray([end, np.nan], dims="axis", coords={"axis": ["x", "y"]})
-    ds = one.assign(closing_pressure=solved.broadcast_like(one["Sq"]))
-    fig = FIGURES["seal_transmissivity"](ds)
-    (mark,) = [line for line in fig.axes[0].lines if line.get_marker() == "x"]
-    assert mark.get_xdata()[0] == pytest.approx(end)
-    assert "closed along $x$" in {text.get_text() for text in fig.legends[0].get_texts()}
-    fig = FIGURES["seal_percolation"](ds)
-    (line,) = _lines(fig, 0, "along $x$")
-    assert line.get_xdata()[line.get_ydata() == 0.0][0] == pytest.approx(end)
-    assert "solved closing load" in fig.legends[0].get_title().get_text()
-
-
 @pytest.mark.parametrize("name", ["seal_transmissivity", "seal_estimates"])
 def test_a_direction_closed_from_the_start_does_not_vanish(one: Dataset, name: str) -> None:
     flows = ("transmissivity", "percolates", "critical_gap", "diffusivity")
@@ -211,12 +177,7 @@ def test_an_axis_of_flows_has_no_numbers_where_nothing_flows(one: Dataset) -> No
 def test_the_numbers_of_free_volumes_of_three_decades_do_not_overlap(one: Dataset) -> None:
     volumes = one["free_volume"]
     fig = FIGURES["seal_volume"](one.assign(free_volume=volumes * 1e-3 ** (volumes["step"] / volumes["step"].max())))
-    fig.canvas.draw()
-    ax = fig.axes[-1]
-    texts = [text for text in ax.get_xticklabels(which="both") if text.get_text()]
-    shown = [text.get_window_extent() for text in texts if ax.viewLim.x0 <= text.get_position()[0] <= ax.viewLim.x1]
-    assert len(shown) > 1
-    assert all(box.x1 < after.x0 for box, after in itertools.pairwise(sorted(shown, key=lambda box: box.x0)))
+    assert labels_are_apart(fig, fig.axes[-1].xaxis)
 
 
 def test_closing_loads_that_are_nearly_equal_have_an_axis_of_few_digits(one: Dataset) -> None:
@@ -229,14 +190,19 @@ def test_closing_loads_that_are_nearly_equal_have_an_axis_of_few_digits(one: Dat
 
 
 def test_a_way_closes_over_every_quantity_at_its_solved_closing_load(tmp_path: Path) -> None:
-    flows = "record: {transport: {transmissivity: every-step, closing: true}}"
+    flows = "record: {transport: {percolation: every-step, transmissivity: every-step, closing: true}}"
     study = loads(f"surface: {{D: 2.2, m: 4, seeds: [1]}}\nsweep: {{pressures: [0.2, 3]}}\n{flows}")
     ds = roughvol.run(study, jobs=1, out=tmp_path / "run")
-    panels = FIGURES["seal_transmissivity"](ds).axes[:3]
+    flows, ways = (FIGURES[name](ds) for name in ("seal_transmissivity", "seal_percolation"))
+    assert "solved closing load" in ways.legends[0].get_title().get_text()
     for axis, marker in {"x": "x", "y": "+"}.items():
-        at = ds.roughvol.at(pressure=ds.closing_pressure.sel(axis=axis).item())
-        marks = [next(line for line in ax.lines if line.get_marker() == marker).get_xdata()[0] for ax in panels]
+        end = ds.closing_pressure.sel(axis=axis).item()
+        at = ds.roughvol.at(pressure=end)
+        marks = [next(line for line in ax.lines if line.get_marker() == marker).get_xdata()[0] for ax in flows.axes[:3]]
         assert_allclose(marks, [at[name].item() for name in ("mean_pressure", "contact_area_fraction", "free_volume")])
+        assert f"closed along ${axis}$" in {text.get_text() for text in flows.legends[0].get_texts()}
+        (line,) = _lines(ways, 0, f"along ${axis}$")
+        assert line.get_xdata()[line.get_ydata() == 0.0][0] == pytest.approx(end)
 
 
 def test_the_connected_volume_ends_at_its_last_state_above_zero(one: Dataset) -> None:
