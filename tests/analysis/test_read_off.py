@@ -21,7 +21,7 @@ from roughvol.observables.at_state import at_state
 from roughvol.store.dataset import Dataset
 from roughvol.study import loads, parse
 from tests.bench.read_off import measured
-from tests.kit import answered, ran, refused, said
+from tests.kit import LEAKING, answered, ran, refused, said
 
 TEXT = """name: seal
 surface: {D: 2.2, m: 4, seeds: 2, L: 200 um, Sq: 0.4 um}
@@ -345,19 +345,13 @@ def test_several_kinds_of_surfaces_have_no_common_leak(tmp_path: Path) -> None:
         read_off.ask(run, 1.0, "pressure")
 
 
-LIFT = """name: lift
-surface: {D: 2.2, m: 4, L: 200 um, Sq: 0.5 um, seeds: [1], sides: periodic}
-material: {E_star: 10 MPa}
-sweep: {steps: 4, to: {pressure: 0.1 MPa}}
-fluid: {gas: helium, inlet: 1 bar, outlet: 0.5 bar}
-record:
-  transport: {transmissivity: every-step, gas_flow: every-step}
-  fluid_pressure: {inlet: 0.1 bar, outlet: 0 bar, at: {pressure: [0.05 MPa, 0.1 MPa]}}
-  dimensional:
-    pressure: MPa
-    leak_rate: {pressure_drop: 0.1 bar, viscosity: 1 mPa*s, unit: mm^3/s}
-    gas_leak_rate: sccm
-"""
+LIFT = (
+    LEAKING.replace("seeds: 1", "seeds: [1], sides: periodic")
+    .replace("every-step}", "every-step, gas_flow: every-step}\n  fluid_pressure: {FLUID}")
+    .replace("FLUID", "inlet: 5 mbar, outlet: 0 bar, at: {pressure: [0.05 MPa, 0.1 MPa]}")
+    .replace("unit: mm^3/s}", "unit: mm^3/s}, gas_leak_rate: sccm")
+    + "fluid: {gas: helium, inlet: 1 bar, outlet: 0.5 bar}\n"
+)
 
 
 def test_the_leak_under_fluid_pressure_is_not_read_off_the_dry_leak(here: Path) -> None:
@@ -379,11 +373,11 @@ def test_the_leak_under_fluid_pressure_is_not_read_off_the_dry_leak(here: Path) 
 
 
 def test_recorded_loads_are_those_of_each_surface_and_a_list_is_named_with_its_unit(here: Path) -> None:
-    listed = LIFT.replace("E_star: 10 MPa", "E_star: [5 MPa, 20 MPa]").replace("steps: 4", "steps: 1")
-    listed = listed.replace("m: 4", "m: 3")
+    listed = LIFT.replace("E: 10 MPa, nu: 0.5", "E_star: [5 MPa, 20 MPa]").replace("steps: 8", "steps: 1")
+    listed = listed.replace("m: 4", "m: 3").replace("0.5 MPa}}", "0.1 MPa}}")
     ran("lift", listed.replace("at: {pressure: [0.05 MPa, 0.1 MPa]}", "at: last"))
     assert "(last: 0.1 MPa)" in refused("ask", "lift", "--leak-rate", "1e-6 mm^3/s")
-    ran("dry", re.sub(".*fluid_pressure.*", "", listed).replace("name: lift", "name: dry"))
+    ran("dry", re.sub(".*fluid_pressure.*", "", listed))
     assert "the run has several E_star (5 MPa, 20 MPa)" in refused("ask", "dry", "--leak-rate", "1e-6 mm^3/s")
 
 
@@ -544,18 +538,13 @@ record: {transport: {closing: true}}
 
 
 def test_the_elastic_combination_of_several_hardnesses_is_asked_as_an_elastic_run(tmp_path: Path) -> None:
-    text = """
-surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: [1]}
-sweep: {pressures: [0.02 MPa, 0.05 MPa, 0.09 MPa]}
-record:
-  transport: {transmissivity: every-step}
-  dimensional: {leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s}}
-material: {E_star: 10 MPa"""
-    alone = roughvol.run(loads(f"{text}}}"), jobs=1, out=tmp_path / "alone")
-    several = roughvol.run(loads(f"{text}, hardness: [none, 1 MPa]}}"), jobs=1, out=tmp_path / "several")
+    text = ALONE.replace("steps: 20, to: {pressure: 1.2}", "pressures: [0.008 MPa, 0.02 MPa, 0.036 MPa]")
+    alone = roughvol.run(loads(text), jobs=1, out=tmp_path / "alone")
+    yielding = text.replace("E_star: 10 MPa", "E_star: 10 MPa, hardness: [none, 1 MPa]")
+    several = roughvol.run(loads(yielding), jobs=1, out=tmp_path / "several")
     elastic, yields = (several.sel(hardness=[label]) for label in (math.inf, 1.0))
     largest = f"{float(alone.leak_rate.sel(step=2, axis='x').item()):.6g} mm^3/s"
-    asked: dict[str, Any] = {"leak_rate": largest, "unknown": "modulus", "at": "pressure=0.05 MPa"}
+    asked: dict[str, Any] = {"leak_rate": largest, "unknown": "modulus", "at": "pressure=0.02 MPa"}
     with pytest.raises(StudyError, match="allowed: for pressure"):
         roughvol.ask(yields, **asked)
     expected, found = (roughvol.ask(ds, **asked).answers for ds in (alone, elastic))
