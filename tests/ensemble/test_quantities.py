@@ -208,18 +208,6 @@ def test_a_step_that_reaches_a_state_to_the_tolerance_is_that_state(missed: floa
     assert value_at(series, "transmissivity", Level("pressure", 0.1), case) == series["transmissivity"][1]
 
 
-def test_an_ensemble_at_listed_loads_has_a_mean_there(tmp_path: Path, small: None) -> None:
-    text = (
-        "surface: {D: 2.3, m: 3}\nsweep: {pressures: [0.2, 0.4]}\n"
-        "record: {transport: {transmissivity: every-step}}\n"
-        "ensemble: {accuracy: {transmissivity: 20 %}, at: {pressure: [0.2]}}"
-    )
-    results = run(loads(text), out=tmp_path, jobs=1)
-    T = results.transmissivity.mean("axis").isel(step=0, m=-1).squeeze("D").dropna("seed")
-    assert results.transmissivity_mean.item() == pytest.approx(float(T.mean()), rel=0.2)
-    assert results.transmissivity_step_error.item() == 0.0
-
-
 def test_a_region_without_contact_has_a_pressure_without_error() -> None:
     outside = "record: {region: {x: [0, 0.1], y: [0, 0.1]}}\n"
     study = loads(
