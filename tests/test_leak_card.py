@@ -260,15 +260,6 @@ def test_maps_whose_names_differ_in_a_blank_or_an_umlaut_have_a_card_each() -> N
     assert [runs.fine.dataset["case"].item() for runs in next(iter(found.runs.values())).values()] == files
 
 
-def test_a_list_of_materials_has_a_card_each_and_a_table() -> None:
-    study = _study(PRESSED.replace("E_star: 10 MPa", "E_star: [5 MPa, 10 MPa]"))
-    printed = _printed(study, *AT)
-    assert "E_star = 5 MPa" in printed
-    folder = Path("runs/seal_card")
-    assert len(list(folder.glob("card_*.html"))) == 2
-    assert len(list(folder.glob("cards_*.html"))) == 1
-
-
 def test_a_page_in_another_encoding_is_not_overwritten() -> None:
     page = Path("runs/seal_card/card_pressure=0.02_MPa.html")
     page.parent.mkdir(parents=True)
