@@ -100,18 +100,11 @@ def test_the_checklist_is_complete_argued_and_says_what_it_needs() -> None:
 # statistics
 
 
-def test_t_interval_covers_as_often_as_it_says() -> None:
-    random = np.random.Generator(np.random.PCG64(1))
-    numbers = [stats.mean("k", "", random.normal(3.0, 2.0, 10)) for _ in range(2000)]
-    covered = np.mean([number.low <= 3.0 <= number.high for number in numbers])
-    assert covered == pytest.approx(0.95, abs=4 * math.sqrt(0.95 * 0.05 / 2000))
-
-
-def test_interval_for_one_more_covers_one_more() -> None:
-    random = np.random.Generator(np.random.PCG64(2))
-    draws = random.normal(3.0, 2.0, (2000, 11))
-    numbers = [stats.single("k", "", row[:10]) for row in draws]
-    covered = np.mean([number.low <= row[10] <= number.high for number, row in zip(numbers, draws, strict=True)])
+@pytest.mark.parametrize(("interval", "holds"), [(stats.mean, lambda row: 3.0), (stats.single, lambda row: row[10])])
+def test_an_interval_of_ten_covers_the_mean_or_one_more_as_often_as_it_says(interval: Any, holds: Any) -> None:
+    draws = np.random.Generator(np.random.PCG64(2)).normal(3.0, 2.0, (2000, 11))
+    numbers = [interval("k", "", row[:10]) for row in draws]
+    covered = np.mean([number.low <= holds(row) <= number.high for number, row in zip(numbers, draws, strict=True)])
     assert covered == pytest.approx(0.95, abs=4 * math.sqrt(0.95 * 0.05 / 2000))
 
 
