@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import xarray as xr
 
 from roughvol.campaign.execution import run
 from roughvol.campaign.one_case import Context, run_case
@@ -104,11 +103,8 @@ def test_a_state_of_a_later_leg_is_drawn_and_one_that_is_not_reached_is_named(
     assert left.get_legend().get_title().get_text().endswith(f"dotted: {words}")
 
 
-def test_the_title_of_one_surface_is_that_of_the_load_alone(tmp_path: Path) -> None:
-    np.save(tmp_path / "z.npy", np.random.default_rng(0).normal(size=(16, 16)))
-    text = "surface: {file: z.npy, L: 1, sides: periodic}\nsweep: {steps: 2}\nrecord: {psd: {at: last}}"
-    study = loads(text, tmp_path / "s.yaml")
-    run(study, out=tmp_path / "out", jobs=1)
-    with xr.open_dataset(tmp_path / "out" / "study.nc") as ds:
-        left, _ = FIGURES["psd"](ds.load()).axes
+def test_the_title_of_one_surface_is_that_of_the_load_alone(here: Path) -> None:
+    np.save("z.npy", np.random.default_rng(0).normal(size=(16, 16)))
+    ds = results("surface: {file: z.npy, L: 1, sides: periodic}\nsweep: {steps: 2}\nrecord: {psd: {at: last}}")
+    left, _ = FIGURES["psd"](ds).axes
     assert left.get_legend().get_title().get_text() == "dotted: end of the sweep"
