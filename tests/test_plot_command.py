@@ -30,6 +30,7 @@ sweep: {steps: 6}
 @pytest.fixture(scope="module", autouse=True)
 def _runs(there: Path) -> None:
     ran("plain", PLAIN)
+    ran("loops", LOOPS)
     ran("leaking", TWO)
 
 
@@ -191,7 +192,6 @@ def test_points_of_many_files_have_the_file_of_their_surface(tmp_path: Path) -> 
 
 
 def test_points_of_a_path_have_their_leg_and_direction(tmp_path: Path) -> None:
-    ran("loops", LOOPS)
     rows = _points("loops", "path_loops", tmp_path)
     curves = {(row["panel"], row["D"], row["axis"], row["curve"]) for row in rows if "leg" in row["curve"]}
     legs = ("D = 2.3, leg 1", "D = 2.3, leg 2")
@@ -236,7 +236,6 @@ def test_a_figure_says_which_gap_it_shows_and_of_what_its_points_are() -> None:
 
 
 def test_a_leak_in_a_figure_has_its_pressure_drop_and_viscosity() -> None:
-    ran("loops", LOOPS)
     title = roughvol.plot("loops", "path_loops").legends[0].get_title().get_text()
     assert "pressure drop 5 mbar, viscosity 1 mPa s" in title
     assert "Pressure drop 5 mbar, viscosity 1 mPa*s." in _note("leaking", "leak_of_p")
