@@ -30,25 +30,20 @@ def _columns(text: str) -> list[list[str]]:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _runs(there: Path) -> None:
-    """Three finished runs, and what the commands printed."""
-    for name, text in (("wet", WET), ("dry", DRY), ("path", PATH)):
-        Path(f"{name}.txt").write_text(ran(name, text), encoding="utf-8")
+def printed(there: Path) -> dict[str, str]:
+    """What the commands print that make three runs."""
+    return {name: ran(name, text) for name, text in (("wet", WET), ("dry", DRY), ("path", PATH))}
 
 
-def test_a_run_ends_with_its_chief_states_in_the_units_of_the_study() -> None:
-    head, *rows = _columns(Path("wet.txt").read_text(encoding="utf-8"))[1:6]
+def test_a_run_ends_with_its_chief_states_in_the_units_of_the_study(printed: dict[str, str]) -> None:
+    head, *rows = _columns(printed["wet"])[1:6]
     assert head[:3] == ["surface", "state", "surfaces"]
     assert {"p [MPa]", "A*", "V*", "g_mean [um]", "median Q_x [mm^3/s]", "median Q_y [mm^3/s]"} <= set(head)
     assert [row[1] for row in rows] == ["contact_area=0.2", "step 8"] * 2
 
 
-def test_the_table_after_a_path_has_the_end_of_each_leg_and_closing_loads_follow() -> None:
-    assert [row[0] for row in _columns(Path("path.txt").read_text(encoding="utf-8"))[2:4]] == [
-        "step 4, leg 1",
-        "step 7, leg 2",
-    ]
-    assert "Where it closes" in Path("wet.txt").read_text(encoding="utf-8")
+def test_the_table_after_a_path_has_the_end_of_each_leg(printed: dict[str, str]) -> None:
+    assert [row[0] for row in _columns(printed["path"])[2:4]] == ["step 4, leg 1", "step 7, leg 2"]
 
 
 def test_show_as_json_has_the_units() -> None:
@@ -191,9 +186,9 @@ def test_a_figure_by_content_has_the_size_and_the_scale_asked_for() -> None:
     assert [int.from_bytes(header[:4], "big"), int.from_bytes(header[4:], "big")] == [1500, 600]
 
 
-def test_the_note_says_of_what_and_at_which_fluid_a_leak_is() -> None:
+def test_the_note_says_of_what_and_at_which_fluid_a_leak_is(printed: dict[str, str]) -> None:
     same = "Q is the leak of the patch, pressure drop 1 mbar, viscosity 1 mPa*s."
-    assert same in Path("wet.txt").read_text(encoding="utf-8")
+    assert same in printed["wet"]
     assert same in said("show", "wet")
     assert "pressure drop" not in said("show", "dry")
     said("run", "wet.yaml", "--set", "name=thick", "--set", "record.dimensional.leak_rate.viscosity=1 Pa*s")
@@ -203,8 +198,8 @@ def test_the_note_says_of_what_and_at_which_fluid_a_leak_is() -> None:
         assert f"{name}: pressure drop 1 mbar, viscosity {viscosity}" in told
 
 
-def test_the_note_on_closing_loads_says_what_the_parentheses_are_and_which_leg() -> None:
-    closing = Path("wet.txt").read_text(encoding="utf-8").partition("Where it closes")[2]
+def test_the_note_on_closing_loads_says_what_the_parentheses_are_and_which_leg(printed: dict[str, str]) -> None:
+    closing = printed["wet"].partition("Where it closes")[2]
     assert "mean (smallest to largest)" in closing
     assert "leg 1" not in closing
     loops = "sweep=[{steps: 6, to: {contact_area: 0.5}}, {steps: 3, to: {pressure: 0.01 MPa}}]"
