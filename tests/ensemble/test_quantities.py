@@ -80,27 +80,11 @@ def test_the_last_step_is_the_end_of_its_sweep_even_if_its_solve_falls_short() -
         value_at(series, "mean_pressure", Level("separation", 0.29), case)
 
 
-def test_a_state_with_a_unit_that_is_not_reached_is_compared_in_this_unit() -> None:
-    text = "surface: {D: 2.2, m: 4, L: 1 mm, Sq: 2 um, seeds: 1}\nsweep: {steps: 4, to: {separation: 0.5}}"
-    (case,) = loads(text).cases()
-    level = Level("separation", Quantity(0.0, "um"))
-    with pytest.raises(
-        StudyError, match=r"0 um is not reached by .*, whose sweep ends at separation 1 um: sweep further"
-    ):
-        value_at(_series(case), "mean_pressure", level, case)
-
-
 def test_a_state_before_the_first_touch_is_no_reason_to_sweep_further() -> None:
     case = _case("mean-plane")
     touch = float(_series(case)["separation"][0])
     with pytest.raises(StudyError, match=rf"9 lies before the first touch of .*; allowed: below {touch:.4g}$"):
         value_at(_series(case), "mean_pressure", Level("separation", 9.0), case)
-
-
-def test_a_void_still_open_has_no_closing_pressure() -> None:
-    case = _case("mean-plane")
-    with pytest.raises(StudyError, match=r"ensemble.accuracy.percolation_pressure: the void of .* is still open"):
-        value_at(_series(case), "percolation_pressure", PERCOLATION, case)
 
 
 def test_coefficients_between_steps_are_those_of_the_steps_beside() -> None:
@@ -121,15 +105,6 @@ def test_coefficients_between_steps_are_those_of_the_steps_beside() -> None:
     assert float(arrays["connected_volume_fraction"][1].ravel()[0]) <= share <= 1.0
 
 
-def test_a_state_before_the_first_step_or_without_a_way_has_no_coefficient() -> None:
-    early, closed = _case("mean-plane"), _case("{percolation: both}", 6)
-    first = float(_series(early)["mean_pressure"][1])
-    with pytest.raises(StudyError, match=r"ensemble.accuracy.transmissivity: has no value at pressure=.*first step"):
-        value_at(_series(early), "transmissivity", Level("pressure", 0.5 * first), early)
-    with pytest.raises(StudyError, match=r"ensemble.accuracy.log_leak_rate: has no value at last.*no way is left"):
-        value_at(_series(closed), "log_leak_rate", Level("last"), closed)
-
-
 @pytest.mark.parametrize("name", ["free_volume", "separation"])
 def test_a_region_is_read_off_from_its_last_unloaded_step_on(name: str) -> None:
     surface = "surface: {D: 2.3, m: 4, seeds: [11]}\nrecord: {region: interior}\nsweep: "
@@ -143,13 +118,24 @@ def test_a_region_is_read_off_from_its_last_unloaded_step_on(name: str) -> None:
     assert found == pytest.approx(_series(solved)[name][-1], rel=0.05)
 
 
-def test_the_free_volume_of_a_region_before_the_first_step_is_not_known() -> None:
-    text = "surface: {D: 2.3, m: 4, seeds: [1]}\nrecord: {region: interior}\nsweep: {steps: 2, to: {pressure: 1}}"
-    (case,) = loads(text).cases()
-    light = Level("pressure", 0.5 * float(_series(case)["mean_pressure"][1]))
-    assert light.value
-    with pytest.raises(StudyError, match=r"free_volume: has no value at pressure=\S+ on .*: the first step"):
-        value_at(_series(case), "free_volume", light, case)
+SCALED = "surface: {D: 2.2, m: 4, L: 1 mm, Sq: 2 um, seeds: 1}\nsweep: {steps: 4, to: {separation: 0.5}}"
+REGION = "surface: {D: 2.3, m: 4, seeds: [1]}\nrecord: {region: interior}\nsweep: {steps: 2, to: {pressure: 1}}"
+ZERO, LIGHT = Level("separation", Quantity(0.0, "um")), Level("pressure", 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("case", "name", "level", "words"),
+    [
+        (loads(SCALED).cases()[0], "mean_pressure", ZERO, "0 um is not reached .* at separation 1 um: sweep further"),
+        (loads(REGION).cases()[0], "free_volume", LIGHT, r"has no value at pressure=\S+ on .*: the first step"),
+        (_case("mean-plane"), "transmissivity", LIGHT, r"accuracy.transmissivity: has no value .*first step"),
+        (_case("mean-plane"), "percolation_pressure", PERCOLATION, "_pressure: the void of .* is still open"),
+        (_case("{percolation: both}", 6), "log_leak_rate", Level("last"), "has no value at last.*no way is left"),
+    ],
+)
+def test_a_quantity_without_a_value_at_a_state_is_refused(case: Case, name: str, level: Level, words: str) -> None:
+    with pytest.raises(StudyError, match=words):
+        value_at(_series(case), name, level, case)
 
 
 def test_a_quantity_without_a_state_has_a_state_of_its_own() -> None:
@@ -236,12 +222,10 @@ def test_a_state_with_a_unit_is_the_starred_state_of_each_surface(height: str) -
             study = loads(text.replace("AT", f"{kind}: [{written}]"))
             (target,) = targets_of(study.ensemble) if study.ensemble is not None else ()
             assert target.state.label == f"{kind}={written}"
-            assert target.value(series, case) == pytest.approx(
-                value_at(series, "free_volume", Level(kind, starred), case), rel=1e-9
-            )
-            assert error_at(series, "free_volume", target.state, case, 2) == pytest.approx(
-                error_at(series, "free_volume", Level(kind, starred), case, 2), rel=1e-6
-            )
+            value = value_at(series, "free_volume", Level(kind, starred), case)
+            assert target.value(series, case) == pytest.approx(value, rel=1e-9)
+            errors = [error_at(series, "free_volume", state, case, 2) for state in (target.state, Level(kind, starred))]
+            assert errors[0] == pytest.approx(errors[1], rel=1e-6)
 
 
 def test_a_starred_state_is_not_the_end_of_a_sweep_to_the_same_number_with_a_unit() -> None:
