@@ -12,7 +12,7 @@ import roughvol
 from roughvol.observables.variables import VARIABLES
 from roughvol.study import load
 from roughvol.study.reference import keys
-from tests.kit import ROOT, call, python, ran, refused, said
+from tests.kit import LEAKING, ROOT, call, python, ran, refused, said
 
 EXAMPLES = ("ensemble", "metal", "reproduce", "scan", "seal")
 pytestmark = pytest.mark.usefixtures("here")
@@ -140,11 +140,7 @@ def test_explain_knows_every_variable_and_the_columns_of_the_tables() -> None:
 
 
 def test_explain_knows_the_heads_and_names_of_the_columns_of_show() -> None:
-    leak = "dimensional: {pressure: MPa, leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s}}"
-    study = (
-        "surface: {D: 2.3, m: 3, L: 100 um, Sq: 1 um, seeds: 2}\nmaterial: {E: 10 MPa, nu: 0.5}\nsweep: {steps: 3}\n"
-    )
-    ran("columns", f"{study}record: {{transport: {{transmissivity: every-step}}, {leak}}}")
+    ran("columns", LEAKING.replace("seeds: 1", "seeds: 2"))
     heads = re.split(r"  +", said("show", "columns").splitlines()[1].strip())
     assert {"p [MPa]", "V*", "d/σ", "open along x", "median T_y*", "median Q_x [mm^3/s]"} < {*heads}
     names = roughvol.show("columns").names
