@@ -234,10 +234,8 @@ def test_small_runs_answer_the_rows_where_size_does_not_count(report: Judgement)
 
 
 def test_small_runs_are_refused_with_a_reason(runs: dict[str, Path]) -> None:
-    rows = {
-        row.id: row
-        for row in assess([ClaimRun.of(name, dataset.read(path)) for name, path in runs.items()], LITERATURE)
-    }
+    stored = [ClaimRun.of(name, dataset.read(path)) for name, path in runs.items()]
+    rows = {row.id: row for row in assess(stored, LITERATURE)}
     assert {row.id for row in rows.values() if row.verdict != ABSENT} == {16}
     assert "L/λ_r = 2, needs 16" in dict(rows[6].refused)["rough"]
     assert "λ_s/δ = 2, 4, 8, needs 2, 4, 8, 16" in dict(rows[4].refused)["rough"]
