@@ -194,9 +194,8 @@ def volume(thresholds, dimensions, **options):
     return formulas.volume_from_dimension(thresholds, dimensions, length=1.0, spacing=0.1, Sq=1.0, area=1.0, **options)
 
 
-test_flat_heights_are_refused = refusals(
-    SurfaceError, (lambda: formulas.bearing_area_volume(0.0, np.ones((3, 3))), "not flat")
-)
+FLAT = np.ones((3, 3))
+test_flat_heights_are_refused = refusals(SurfaceError, (lambda: formulas.bearing_area_volume(0.0, FLAT), "not flat"))
 test_refused = refusals(
     ContactError,
     (lambda: closed_forms.hertz(0.0, 1.0), "indentation must be finite and positive, got 0.0"),
