@@ -393,9 +393,8 @@ def test_a_fluid_pressure_that_differs_from_patch_to_patch_is_refused(here: Path
     unknown = "The leak of the seal of 120 mm by 2 mm is not known: fluid pressure lifts patches in a row differently."
     assert unknown in ran("lifted", text)
     assert unknown in said("show", "lifted", "--at", AT)
-    assert "Q_seal that of the seal, known of a seal as wide as a patch alone" in " ".join(
-        said("report", "lifted").split()
-    )
+    report = " ".join(said("report", "lifted").split())
+    assert "Q_seal that of the seal, known of a seal as wide as a patch alone" in report
     shown = said("show", "lifted")
     assert "Q_seal" not in shown
     assert unknown in shown
