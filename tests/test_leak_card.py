@@ -207,9 +207,8 @@ def test_a_plane_is_called_flat_and_has_no_card() -> None:
     Path("plane.yaml").write_text(study, encoding="utf-8")
     assert flat in roughvol.check("plane.yaml").warnings
     assert flat in roughvol.run("plane.yaml", jobs=1).warnings
-    assert "plane.npy is flat once it is treated, Sq is 0; allowed: a map with roughness" in refused(
-        "card", "plane.yaml"
-    )
+    told = refused("card", "plane.yaml")
+    assert "plane.npy is flat once it is treated, Sq is 0; allowed: a map with roughness" in told
 
 
 @pytest.mark.parametrize(("separation", "grids"), [(7.7, 0), (2.7, 2)])
@@ -322,13 +321,13 @@ def test_csv_has_a_row_for_each_leak_of_each_card_with_the_numbers_of_json() -> 
     loads = (*AT, "--at", "pressure=30 kPa")
     rows = list(csv.DictReader(io.StringIO(_printed(study, *loads, "--csv"))))
     cards = _card(study, *loads)
+    leaks = (("patch", "x"), ("patch", "y"), ("seal", ""))
     assert [(row["load"], row["of"], row["axis"]) for row in rows] == [
-        (load, *leak) for load in cards for leak in (("patch", "x"), ("patch", "y"), ("seal", ""))
+        (load, *leak) for load in cards for leak in leaks
     ]
     assert not list(Path("runs/seal_card").glob("*.html"))
-    for row, leak in zip(
-        rows, [leak for card in cards.values() for leak in (*card["ways"], card["seal"])], strict=True
-    ):
+    every = [leak for card in cards.values() for leak in (*card["ways"], card["seal"])]
+    for row, leak in zip(rows, every, strict=True):
         lower, upper = leak["leak_interval"] or ("", "")
         assert [row[f"leak{end}"] for end in ("", "_lower", "_upper")] == [str(n) for n in (leak["leak"], lower, upper)]
         closing = "closing_pressure" if "axis" in leak else "tight_above"
@@ -435,11 +434,9 @@ def test_a_card_of_several_files_names_the_files_of_what_differs() -> None:
     found = roughvol.card(_study(SEAL.replace(GENERATED, files)), at="pressure=0.02 MPa", jobs=1)
     (runs,) = found.runs.values()
     facts = dict(card_text.rests_on([one.fine.dataset for one in runs.values()])[0])
-    steps = (
-        "least-squares tilt of the known heights subtracted; missing heights filled with the mean of their neighbours"
-    )
+    filled = "missing heights filled with the mean of their neighbours"
     units = "face0.txt: numbers of the file are in µm; face1.txt, face2.txt: numbers of the file are in nm"
-    assert facts["Treatment"] == f"{steps}; {units}"
+    assert facts["Treatment"] == f"least-squares tilt of the known heights subtracted; {filled}; {units}"
     assert facts["Missing heights"] == "face0.txt, face1.txt: none; face2.txt: 0.35% of the nodes, 1 node, filled"
     assert facts["Nodes"] == "17 x 17, 6.25 µm apart"
     assert facts["Sweep"] == "4 steps to percolation"
@@ -495,9 +492,8 @@ def test_fluid_pressure_gives_the_lifted_leak_with_the_dry_leak_named() -> None:
 
 def test_an_interval_without_bounds_leaves_the_curve_of_a_card_to_be_read() -> None:
     """Two surfaces far apart: the interval of their mean by t reaches 1e6 times farther than the loads of the sweep."""
-    card = roughvol.card(
-        _study(SEAL.replace("m: 4", "m: 5").replace("[1]", "2")), at="pressure=0.02 MPa", jobs=1
-    ).cards[""]
+    study = _study(SEAL.replace("m: 4", "m: 5").replace("[1]", "2"))
+    card = roughvol.card(study, at="pressure=0.02 MPa", jobs=1).cards[""]
     wide = Part("window", 1e6, "of two surfaces")
     ways = tuple(replace(way, parts=(wide,), closing=replace(way.closing, parts=(wide,))) for way in card.ways)
     wild = replace(card, ways=ways)
