@@ -60,15 +60,6 @@ def test_a_gas_without_units_has_the_limit_of_its_pressure_drop(tmp_path: Path) 
     assert "pressure_drop" not in {limit.key for limit in validity.kept(given, without)}  # compared with no state
 
 
-def test_a_card_at_a_listed_load_is_that_of_its_step(tmp_path: Path) -> None:
-    text = SURFACE.replace("m: 4", "m: 5") + RUBBER + PRESSED
-    text += f"record: {{transport: {{transmissivity: every-step}}, dimensional: {LIQUID}}}\n"
-    ds = run(text, tmp_path)
-    found = roughvol.card(loads(text), at="pressure=0.03 MPa", out=tmp_path / "card", jobs=1)
-    leak = ds["leak_rate"].isel(step=1).sel(axis="x").item()
-    assert_allclose(next(iter(found.cards.values())).ways[0].leak.value, leak, rtol=3e-3)  # a card: flows to 1e-3
-
-
 def test_a_seal_of_maps_of_different_shapes_is_refused(tmp_path: Path) -> None:
     z = random_midpoint_displacement(2.3, 4, seed=5).heights
     np.save(tmp_path / "a.npy", z)
