@@ -36,6 +36,7 @@ LOADS = {  # kind of a load: its number, and the factors to the unit of the stud
     "separation": ("separation", {}),
     "indentation": ("indentation", {}),
 }
+OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
 Numbers = dict[str, np.ndarray]
 
 
@@ -132,18 +133,14 @@ def _surface(ds: xr.Dataset, E: float) -> Surface:
             if int(ds[f"{dim}_step"][k]) > 0
         }
     _add_stiffness(along, legs)
-    return Surface(
-        _lifted(along, states.get("fluid_at")), legs, states, Sq, int(ds["seed"]) if "seed" in ds.coords else 0
-    )
+    seed = int(ds["seed"]) if "seed" in ds.coords else 0
+    return Surface(_lifted(along, states.get("fluid_at")), legs, states, Sq, seed)
 
 
 def _add_stiffness(along: Numbers, legs: np.ndarray) -> None:
     """Add bounds of K L/E* = -dp*/dV* where it is not stored: the slopes over ln p to both neighbours."""
-    p, V, on = (
-        along["mean_pressure"],
-        along["free_volume"],
-        np.flatnonzero((legs == 1) & (along["mean_pressure"] > 0.0)),
-    )
+    p, V = along["mean_pressure"], along["free_volume"]
+    on = np.flatnonzero((legs == 1) & (p > 0.0))
     low, high = np.full(p.shape, np.nan), np.full(p.shape, np.nan)
     with np.errstate(all="ignore"):
         slopes = -np.diff(np.log(p[on])) / np.diff(V[on])
@@ -191,15 +188,11 @@ def recorded(surface: Surface, text: str) -> dict[str, float] | None:
         name, _, leg = level(text)
         name = "mean_pressure" if name == "nominal_pressure" else "free_volume" if name == "mean_gap" else name
         numbers = _on_path(surface, name, state[name], leg) or numbers
-        per_p, per_V = (
-            numbers.get(n, math.nan) / numbers[of]
-            for n, of in (("nominal_pressure", "mean_pressure"), ("mean_gap", "free_volume"))
-        )
-        own = {
-            n: state[n] for n in ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
-        }
-        made = {"nominal_pressure": per_p * own["mean_pressure"], "mean_gap": per_V * own["free_volume"]}
-        return numbers | own | {n: value for n, value in made.items() if n in numbers}
+        own = {n: state[n] for n in OF_STATE}
+        for n, of in (("nominal_pressure", "mean_pressure"), ("mean_gap", "free_volume")):
+            if n in numbers:
+                own[n] = numbers[n] / numbers[of] * state[of]
+        return numbers | own
     return numbers
 
 

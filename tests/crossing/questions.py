@@ -133,6 +133,11 @@ class Made:
             _GROUPS[key] = oracle.groups(self.stored, self.modulus, self.kind.lists, self.kind.ends)
         return _GROUPS[key]
 
+    @property
+    def surfaces(self) -> list[Surface]:
+        """All its surfaces, group by group."""
+        return [surface for group in self.groups for surface in group.surfaces]
+
     def group(self, words: str) -> Group:
         """Return the surfaces that a row or a curve means, by the words around it that not all surfaces share."""
         pieces = [set(", ".join(group.words).split(", ")) for group in self.groups]
@@ -283,9 +288,7 @@ def check_cell(head: str, cell: str, states: Sequence[dict[str, float]]) -> int:
     """Compare a cell with the numbers of its surfaces."""
     name = _name_of(head)
     if name == STIFFNESS:
-        ends = [
-            np.mean([state.get(name, math.nan) for state in states]) for name in ("stiffness_low", "stiffness_high")
-        ]
+        ends = [np.mean([state.get(end, math.nan) for state in states]) for end in ("stiffness_low", "stiffness_high")]
         if cell and np.isfinite(ends).all():
             assert ends[0] * (1.0 - DIGITS) <= float(cell) <= ends[1] * (1.0 + DIGITS), (head, cell, ends)
         return 0
@@ -403,7 +406,7 @@ def check_means(made: Made, text: str) -> int:
 
 
 def _cases(made: Made) -> int:
-    return sum(len(group.surfaces) for group in made.groups) or len(json.loads(made.stored.attrs["case_ids"]))
+    return len(made.surfaces) or len(json.loads(made.stored.attrs["case_ids"]))
 
 
 def show(made: Made) -> int:
@@ -579,10 +582,8 @@ def _plotted(made: Made, figure: str, check: Callable[[Made, list[Curve]], int])
     with (made.folder / path).open(encoding="utf-8", newline="") as stream:
         for row in csv.DictReader(stream):
             assert "nan" not in row.values()
-            words = (
-                f"{row['curve']}, {row['case']}" if "case" in row else f"{row['curve']}, D = {row['D']}, m = {row['m']}"
-            )
-            key = words, row.get("seed", ""), row.get("axis", ""), row["curve"]
+            surface = row["case"] if "case" in row else f"D = {row['D']}, m = {row['m']}"
+            key = f"{row['curve']}, {surface}", row.get("seed", ""), row.get("axis", ""), row["curve"]
             points.setdefault(key, []).append((float(row["x"] or "nan"), float(row["y"] or "nan")))
     curves = [Curve(*key, np.array(values).T) for key, values in points.items()]
     return check(made, curves)
@@ -871,7 +872,7 @@ def _maps(ds: Any) -> list[np.ndarray]:
 
 def ask(made: Made) -> int:
     """The load, modulus and Sq of a leak, `roughvol ask RUN --leak-rate VALUE`: asked for the leak of a solved step."""
-    every = [surface for group in made.groups for surface in group.surfaces]
+    every = made.surfaces
     leaks = {"leak_rate_x": "mm^3/s", "gas_leak_rate_x": "mbar*l/s"}
     units = [unit for name, unit in leaks.items() if any(name in surface.along for surface in every)]
     count, units = 0, units or ["mm^3/s"]
@@ -940,7 +941,6 @@ def _check_answer(answer: dict[str, Any], paths: Sequence[dict[str, np.ndarray]]
 def _ask_others(made: Made, axis: str, step: tuple[float, float, int], paths: Sequence[dict[str, np.ndarray]]) -> int:
     """Compare E* and Sq: at the load P, E* P/p leaks as E* does at p; Sq P/p leaks (P/p)^3 times as much."""
     load, count = 1.25 * step[0], 0
-    Sq = [surface.Sq for group in made.groups for surface in group.surfaces][step[2]]
     before = [other["p"] <= step[0] * (1.0 + 1e-5) for other in paths]
     over_cubes = [other[axis][on][-1] / other["p"][on][-1] ** 3 for other, on in zip(paths, before, strict=True)]
     leakiest = max(over_cubes) <= step[1] / step[0] ** 3 * (1.0 + 1e-5)  # of heights in proportion, too
@@ -949,7 +949,9 @@ def _ask_others(made: Made, axis: str, step: tuple[float, float, int], paths: Se
         found = json.loads(call(made, "ask", made.kind.asked, *words))["answers"]
         (exact,) = (answer for answer in found if answer["axis"] == axis)
         E_star = made.kind.modulus if isinstance(made.kind.modulus, float) else next(iter(made.kind.modulus.values()))
-        close(exact["value"], 1.25 * (E_star if unknown == "modulus" else Sq), unknown, within=1e-6)
+        close(
+            exact["value"], 1.25 * (E_star if unknown == "modulus" else made.surfaces[step[2]].Sq), unknown, within=1e-6
+        )
         count += 1
     return count
 
@@ -960,7 +962,7 @@ def ask_closed(made: Made) -> int:
     alike(made, answers, lambda: roughvol.ask(made.kind.asked, changes=made.kind.changes).plain())
     found = answers["answers"]
     for answer in found:
-        spans = [oracle.closing(surface, answer["axis"]) for group in made.groups for surface in group.surfaces]
+        spans = [oracle.closing(surface, answer["axis"]) for surface in made.surfaces]
         ends = max(span[0] for span in spans), max(span[1] for span in spans)
         low, high = answer["interval"]
         assert (answer["value"] is None) == (ends[0] == 0.0 or math.isinf(ends[1]))
@@ -970,7 +972,7 @@ def ask_closed(made: Made) -> int:
 
 def creep(made: Made) -> int:
     """The leak at the loads of two solved steps, `roughvol creep RUN --law LAW --at LOAD --times TIMES`."""
-    every = [surface for group in made.groups for surface in group.surfaces]
+    every = made.surfaces
     leak_rate = "gas_leak_rate_{}" if made.kind.name == "gas-alone" else "leak_rate_{}"
     paths = [_path(surface, leak_rate, made.kind.squares) for surface in every]
     p = paths[0]["p"] if paths else np.array([1.0, 2.0])
@@ -989,11 +991,7 @@ def creep(made: Made) -> int:
             assert "clos" in cell or float(cell) == pytest.approx(value, rel=0.05)
     count = 0
     for row, load in zip(table.rows, ends, strict=True):
-        areas = [
-            _around(_path(surface, "contact_area_fraction"), load, "x")
-            for group in made.groups
-            for surface in group.surfaces
-        ]
+        areas = [_around(_path(surface, "contact_area_fraction"), load, "x") for surface in every]
         count += _between(row["A*"], [np.mean([area[k] for area in areas]) for k in (0, 1)])
         for axis in made.kind.axes:
             leaks = [_around(path, load, axis) for path in paths]
