@@ -15,7 +15,7 @@ import roughvol
 from roughvol.analysis.at import at, between, place_of
 from roughvol.analysis.average import average, averages, is_flow
 from roughvol.analysis.derived import derived, groups
-from roughvol.analysis.leak import counted, is_lifted
+from roughvol.analysis.leak import counted
 from roughvol.analysis.leak_curve import curves
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.read_off import checked
@@ -37,13 +37,6 @@ record:
   transport: {percolation: every-step, transmissivity: every-step}
   dimensional: {pressure: MPa, leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
 """
-PATH = """
-name: path
-surface: {D: 2.3, m: 4, seeds: 2}
-material: {E_star: 1.0, hardness: 0.05}
-sweep: [{steps: 5, to: {pressure: 1.0}}, {steps: 4, to: {pressure: 0.1}}, {steps: 5, to: {pressure: 1.5}}]
-record: {transport: {transmissivity: every-step}}
-"""
 LIFT = """
 name: lift
 surface: {D: 2.2, m: 4, L: 200 um, Sq: 0.5 um, seeds: [3, 4, 5], sides: periodic}
@@ -53,17 +46,6 @@ record:
   transport: {transmissivity: every-step}
   fluid_pressure: {inlet: 0.1 bar, outlet: 0 bar, at: {pressure: [0.03 MPa, 0.05 MPa]}, coupling: one-way}
   dimensional: {pressure: MPa, leak_rate: {pressure_drop: 0.1 bar, viscosity: 1 mPa*s, unit: mm^3/s}}
-"""
-GAS = """
-name: gas
-surface: {D: 2.2, m: 4, L: 200 um, Sq: 0.5 um, seeds: [3, 4], sides: periodic}
-material: {E_star: 10 MPa}
-sweep: {pressures: [0.01 MPa, 0.03 MPa, 0.4 MPa]}
-fluid: {gas: helium, inlet: 1.1 bar, outlet: 1 bar}
-record:
-  transport: {gas_flow: every-step}
-  fluid_pressure: {inlet: 0.1 bar, outlet: 0 bar, at: last, coupling: one-way}
-  dimensional: {pressure: MPa, gas_leak_rate: mbar*l/s}
 """
 SWEEP = "{steps: 10, to: percolation}"
 CLOSING = SEAL.replace("percolation: every-step", "percolation: every-step, closing: true")
@@ -75,7 +57,7 @@ FLUX = LISTED.replace(
 
 @pytest.fixture(scope="module", autouse=True)
 def _folder(there: Path) -> None:
-    for name, text in {"seal": SEAL, "path": PATH, "lift": LIFT, "gas": GAS, "flux": FLUX}.items():
+    for name, text in {"seal": SEAL, "lift": LIFT, "flux": FLUX}.items():
         Path(f"{name}.yaml").write_text(text, encoding="utf-8")
         roughvol.run(f"{name}.yaml")
 
@@ -93,19 +75,17 @@ def _groups(run: Run) -> list[Dataset]:
     return [group for _, group in groups(derived(run.dataset, run.study))]
 
 
-@pytest.mark.parametrize(
-    ("text", "label"),
-    [
-        ("pressure=0.5", "pressure=0.5, leg 1"),
-        ("p=0.5, leg 2", "pressure=0.5, leg 2"),
-        ("pressure=1.2", "pressure=1.2, leg 3"),
-        ("last", "last, leg 3"),
-        ("last,leg=2", "last, leg 2"),
-    ],
-)
-def test_the_state_of_a_path_is_named_with_its_leg(text: str, label: str) -> None:
-    run = _run("path")
-    assert at(run, _groups(run)[0], parse(text)).label == label
+def test_the_state_of_a_path_is_named_with_its_leg() -> None:
+    legs = [{"steps": 2, "to": {"pressure": load}} for load in (1.0, 0.1, 1.5)]
+    ds = roughvol.press(np.random.default_rng(0).normal(size=(9, 9)), L=1.0, sweep=legs)
+    for text, label in {
+        "pressure=0.5": "pressure=0.5, leg 1",
+        "p=0.5, leg 2": "pressure=0.5, leg 2",
+        "pressure=1.2": "pressure=1.2, leg 3",
+        "last": "last, leg 3",
+        "last,leg=2": "last, leg 2",
+    }.items():
+        assert roughvol.show(ds, text).frame()["state"].item() == label
 
 
 @pytest.mark.parametrize(
@@ -167,14 +147,9 @@ def test_a_step_that_ends_short_of_a_recorded_load_has_the_lifted_leak_there() -
     assert_allclose(found.values, whole.values, rtol=0.0)
 
 
-def test_ways_of_the_lifted_gap_are_not_those_of_the_dry_gap() -> None:
-    """Both surfaces are open along x at 0.03 MPa, where the lifted leak is not known."""
-    assert (_run("gas").dataset["gas_leak_rate"].sel(axis="x").isel(step=1) > 0.0).all()
-    _, _, closing = said("run", "gas.yaml").partition("Where it closes")
-    (along_x,) = (line for line in closing.splitlines() if line.startswith("D = 2.2, m = 4  x"))
-    assert along_x.split()[-5:] == ["0.03", "0.4", "2", "of", "2"]
-    assert "The loads are those of the dry gap." in closing
-    assert "Q is the leak of the lifted gap" in said("show", "gas", "--at", "last")
+def test_notes_under_fluid_pressure_name_the_gap_of_loads_and_leaks() -> None:
+    assert "The loads are those of the dry gap." in said("run", "lift.yaml")
+    assert "Q is the leak of the lifted gap" in said("show", "lift", "--at", "last")
 
 
 @pytest.mark.parametrize("x", ["nominal_pressure", "free_volume"])
@@ -187,12 +162,6 @@ def test_a_figure_shows_the_leak_at_every_state_under_fluid_pressure(x: str) -> 
     assert content.missing("leak_of_p", [content.Named("lift", between_steps.expand_dims(("D", "m")))]) is None
     assert_allclose(way.load, [float(state[x][0]) for state in states], rtol=1e-12)
     assert_allclose(way.value, [float(state["leak_rate"].sel(axis="y")[0]) for state in states], rtol=0.0)
-
-
-def test_a_run_without_fluid_pressure_is_as_it_was() -> None:
-    ds = _run("seal").dataset
-    assert counted(ds) is ds
-    assert not is_lifted(ds)
 
 
 def test_a_flow_has_a_median_and_another_number_a_mean() -> None:
