@@ -19,31 +19,21 @@ surface: {D: 2.2, m: 3, L: 100 um, Sq: 0.5 um, seeds: [1, 2]}
 material: {E_star: 10 MPa}
 sweep: {steps: 2, to: {pressure: 0.1 MPa}}
 """
-MIRRORED = ("seeds: [1, 2]", "seeds: [1, 2], sides: mirrored")
-PUNCH = ("sweep:", "solver: {kernel: punch}\nsweep:")
-REGION = ("sweep:", "record: {region: interior}\nsweep:")
+MIRRORED = "surface.sides=mirrored"
+PUNCH = "solver.kernel=punch"
+REGION = "record.region=interior"
+LAYER = "material={E: 10 MPa, nu: 0.3, thickness: 50 um}"
+HARD = "material.hardness=1 MPa"
+CLOSING = "record.transport={transmissivity: every-step, closing: true}"
+PATH = "sweep=[{pressures: [0.02 MPa, 0.2 MPa]}, {pressures: [0.02 MPa]}]"
 
 
-LAYER = ("E_star: 10 MPa", "E: 10 MPa, nu: 0.3, thickness: 50 um")
-HARD = ("10 MPa", "10 MPa, hardness: 1 MPa")
-CLOSING = ("sweep:", "record: {transport: {transmissivity: every-step, closing: true}}\nsweep:")
-PATH = (
-    "sweep: {steps: 2, to: {pressure: 0.1 MPa}}",
-    "sweep: [{pressures: [0.02 MPa, 0.2 MPa]}, {pressures: [0.02 MPa]}]",
-)
-
-
-def _made(name: str, out: Path, *changes: tuple[str, str]) -> Run:
-    text = TEXT
-    for before, after in changes:
-        text = text.replace(before, after)
-    return Run.of(name, roughvol.run(loads(text), jobs=1, out=out / name))
+def _made(name: str, out: Path, *changes: str) -> Run:
+    return Run.of(name, roughvol.run(loads(TEXT, changes=changes), jobs=1, out=out / name))
 
 
 @pytest.mark.parametrize("change", [MIRRORED, PUNCH, REGION])
-def test_yield_is_the_only_difference_between_two_runs_that_are_compared(
-    change: tuple[str, str], tmp_path: Path
-) -> None:
+def test_yield_is_the_only_difference_between_two_runs_that_are_compared(change: str, tmp_path: Path) -> None:
     elastic, metal = _made("elastic", tmp_path, change), _made("metal", tmp_path, change, HARD)
     other = _made("other", tmp_path, HARD)
     assert [found.plastic for found in comparisons([elastic, metal, other])] == ["metal"]
@@ -51,8 +41,8 @@ def test_yield_is_the_only_difference_between_two_runs_that_are_compared(
 
 def test_each_D_and_m_that_both_runs_have_is_compared(tmp_path: Path) -> None:
     """The largest D at the largest m stood for all, and the table did not say so."""
-    several = ("D: 2.2, m: 3", "D: [2.2, 2.6], m: [2, 3]")
-    elastic, metal = _made("elastic", tmp_path, several), _made("metal", tmp_path, several, HARD)
+    several = ("surface.D=[2.2, 2.6]", "surface.m=[2, 3]")
+    elastic, metal = _made("elastic", tmp_path, *several), _made("metal", tmp_path, *several, HARD)
     part = replace(metal, dataset=metal.dataset.where((metal.dataset["D"] < 2.5) | (metal.dataset["m"] < 3)))
     found = list(comparisons([elastic, part]))
     assert [one.surfaces for one in found] == ["D = 2.2, m = 2", "D = 2.2, m = 3", "D = 2.6, m = 2"]
@@ -62,13 +52,13 @@ def test_each_D_and_m_that_both_runs_have_is_compared(tmp_path: Path) -> None:
 
 def test_a_layer_is_the_same_in_any_unit_of_length(tmp_path: Path) -> None:
     elastic = _made("elastic", tmp_path, MIRRORED, LAYER)
-    metal = _made("metal", tmp_path, MIRRORED, LAYER, HARD, ("100 um", "0.1 mm"))
+    metal = _made("metal", tmp_path, MIRRORED, LAYER, HARD, "surface.L=0.1 mm")
     half_space = _made("half_space", tmp_path, MIRRORED, HARD)
     assert [found.plastic for found in comparisons([elastic, metal, half_space])] == ["metal"]
 
 
 def test_a_way_is_closed_on_every_leg_from_its_solved_closing_load_on(tmp_path: Path) -> None:
-    run = _made("path", tmp_path, ("[1, 2]", "[1]"), CLOSING, PATH)
+    run = _made("path", tmp_path, "surface.seeds=[1]", CLOSING, PATH)
     ((_, group),) = groups(derived(run.dataset, run.study))
     (table,) = hysteresis(run, group)
     closes = {f"leak along {axis}": float(group.closing_pressure.sel(axis=axis).squeeze()) for axis in "xy"}
@@ -79,7 +69,7 @@ def test_a_way_is_closed_on_every_leg_from_its_solved_closing_load_on(tmp_path: 
 
 
 def test_two_runs_are_compared_by_the_leak_of_their_states(tmp_path: Path) -> None:
-    sweep = ("steps: 2, to: {pressure: 0.1 MPa}", "pressures: [0.05 MPa, 0.1 MPa, 0.15 MPa, 0.2 MPa]")
+    sweep = "sweep={pressures: [0.05 MPa, 0.1 MPa, 0.15 MPa, 0.2 MPa]}"
     runs = [_made(name, tmp_path, CLOSING, sweep, *hard) for name, hard in {"elastic": (), "metal": (HARD,)}.items()]
     ((compared),) = comparisons(runs)
     found, expected = [], []
