@@ -13,8 +13,7 @@ from roughvol.store.dataset import Dataset
 
 @pytest.fixture(scope="module")
 def pressed() -> Dataset:
-    x = np.arange(17)
-    heights = np.cos(x[:, np.newaxis]) + 0.5 * np.sin(1.7 * x)
+    heights = np.random.default_rng(0).normal(size=(17, 17))
     return roughvol.press(heights, L="500 um", E="10 MPa", to={"pressure": "0.5 MPa"}, steps=4)
 
 
