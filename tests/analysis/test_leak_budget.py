@@ -354,9 +354,8 @@ def test_the_accuracy_of_the_flows_is_in_the_part_of_the_solver(tmp_path: Path) 
     rough = run.dataset.assign(transmissivity_error=run.dataset.transmissivity_error + 0.01)
     one, other = (_of(run, ds).ways[0] for ds in (run.dataset, rough))
     own = float(run.dataset.transmissivity_error.max())
-    assert_allclose(
-        part_of(other, "solver").factor / part_of(one, "solver").factor, (1.01 + own) / (1.0 + own), rtol=1e-9
-    )
+    more = part_of(other, "solver").factor / part_of(one, "solver").factor
+    assert_allclose(more, (1.01 + own) / (1.0 + own), rtol=1e-9)
 
 
 def test_a_card_of_a_file_has_levelling_and_quadrants_at_one_nominal_pressure(tmp_path: Path) -> None:
@@ -436,9 +435,7 @@ def test_an_unloaded_surface_has_no_load(tmp_path: Path) -> None:
 
 def test_a_step_beside_the_load_of_a_card_changes_no_error(tmp_path: Path) -> None:
     """The search for a listed pressure ends within 1e-5 of it, and the state of the card is solved once more."""
-    text = ONE.replace("{steps: 4, to: {pressure: 1.2}}", "{pressures: [0.3, 0.6, 0.9, 1.2]}").replace(
-        "200 um", "100 um"
-    )
+    text = ONE.replace("200 um", "100 um").replace("steps: 4, to: {pressure: 1.2}", "pressures: [0.3, 0.6, 0.9, 1.2]")
     run = _pressed(text, AT, tmp_path)
     parts = []
     for share in (0.0, 3e-7, -3e-7):
@@ -545,19 +542,15 @@ def test_a_fluid_pressure_without_units_keeps_its_nominal_value_on_other_grids(t
     )
     runs = card_runs.compute(load(tmp_path / "s.yaml"), Level("last"), tmp_path / "card", jobs=1)
     assert runs.levelled is not None
-    inlets = [
-        one.dataset.fluid_at_inlet.item() * one.dataset.Sq.item() / one.dataset.L.item()
-        for one in (runs.fine, *runs.coarser, runs.levelled)
-    ]
+    every = [run.dataset for run in (runs.fine, *runs.coarser, runs.levelled)]
+    inlets = [(ds.fluid_at_inlet * ds.Sq / ds.L).item() for ds in every]
     assert_allclose(inlets, inlets[0], rtol=1e-9)
     card = card_of([runs], "", "")
     assert_allclose(card.ways[0].leak.value, runs.fine.dataset.fluid_leak.sel(axis="x").item(), rtol=1e-12)
 
 
 def test_the_gas_beside_fluid_pressure_is_named_dry(tmp_path: Path) -> None:
-    text = LIFT.replace("m: 5", "m: 4").replace(
-        "{transmissivity: every-step}", "{transmissivity: every-step, gas_flow: every-step}"
-    )
+    text = LIFT.replace("m: 5", "m: 4").replace("every-step}", "every-step, gas_flow: every-step}")
     text = text.replace("unit: mm^3/s}", "unit: mm^3/s}, gas_leak_rate: mbar*l/s")
     text += "fluid: {gas: helium, inlet: 2 bar, outlet: 1.5 bar}\n"
     run = _pressed(text, Level("last"), tmp_path)
