@@ -19,6 +19,7 @@ SURFACE = "surface: {D: 2.3, m: 4, L: 100 um, Sq: 0.7 um, seeds: [3], sides: mir
 RUBBER = "material: {E: 10 MPa, nu: 0.4}\n"
 PRESSED = "sweep: {pressures: [0.01 MPa, 0.03 MPa, 0.05 MPa]}\n"
 LIQUID = "{pressure: MPa, leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s}}"
+RECORD = f"record: {{transport: {{transmissivity: every-step}}, dimensional: {LIQUID}}}\n"
 HELIUM = "fluid: {gas: helium, inlet: 5 bar, outlet: 1 bar}\n"
 OWN = """
 def largest(state):
@@ -64,9 +65,7 @@ def test_a_seal_of_maps_of_different_shapes_is_refused(tmp_path: Path) -> None:
     z = random_midpoint_displacement(2.3, 4, seed=5).heights
     np.save(tmp_path / "a.npy", z)
     np.save(tmp_path / "b.npy", np.concatenate([z, z[:, ::-1]], axis=1))
-    text = f"surface: {{files: [a.npy, b.npy], L: 100 um, unit: um, sides: mirrored}}\n{RUBBER}{PRESSED}"
-    text = text.replace(", unit: um", "")
-    text += f"record: {{transport: {{transmissivity: every-step}}, dimensional: {LIQUID}}}\n"
+    text = f"surface: {{files: [a.npy, b.npy], L: 100 um, sides: mirrored}}\n{RUBBER}{PRESSED}{RECORD}"
     text += "seal: {length: 1 mm, width: 0.1 mm}\n"
     with pytest.raises(DatasetError, match=r"patches of one shape, and the surfaces are 1 to 2\.\d* times as long"):
         roughvol.ask(run(text, tmp_path), leak_rate="1e-5 mm^3/s")
@@ -117,10 +116,9 @@ def test_conductance_is_that_of_elastic_half_spaces_alone(more: str, tmp_path: P
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Dataset]:
     """A run with lengths in um, and the same in mm."""
-    record = f"record: {{transport: {{transmissivity: every-step}}, dimensional: {LIQUID}}}\n"
     in_mm = SURFACE.replace("100 um", "0.1 mm").replace("0.7 um", "0.0007 mm")
     return [
-        run(f"name: {name}\n" + surface + RUBBER + PRESSED + record, tmp_path_factory.mktemp(name))
+        run(f"name: {name}\n" + surface + RUBBER + PRESSED + RECORD, tmp_path_factory.mktemp(name))
         for name, surface in (("um", SURFACE), ("mm", in_mm))
     ]
 
