@@ -522,14 +522,11 @@ def test_the_line_of_the_paper_is_drawn_for_its_surfaces_alone(single: xr.Datase
         return any(np.allclose(line.get_xdata(), 1.0) for line in FIGURES["fig12a"](some).axes[0].lines)
 
     assert fulcrum(ds)
-    assert not fulcrum(ds.assign_coords(L=500.0))
-    assert not fulcrum(ds.assign_coords(L=ds["L"].assign_attrs(units="um")))
-    assert not fulcrum(ds.assign_coords(m=[5, 8]))
     scaled = "name: other\nsurface: {D: [2.1, 2.9], m: [5, 7], L: 100.0, Sq: 0.5}\n"
-    assert not fulcrum(ds.assign_attrs(study=scaled))
-    files = files.assign_coords(L=100.0)
-    files["volume_density_edges"] = files["volume_density_edges"] * 1e3
-    assert not fulcrum(files)
+    of_files = files.assign_coords(L=100.0).assign(volume_density_edges=1e3 * files["volume_density_edges"])
+    in_um = ds.assign_coords(L=ds["L"].assign_attrs(units="um"))
+    others = ds.assign_coords(L=500.0), in_um, ds.assign_coords(m=[5, 8]), ds.assign_attrs(study=scaled), of_files
+    assert not any(map(fulcrum, others))
 
 
 def _note(fig: Figure) -> str:
