@@ -135,17 +135,12 @@ def _circle(imports: Imports) -> list[str]:
     """Return modules that import each other in a circle, if there is one."""
     graph = {module: set(_modules_imported(module, imports)) - {module, "__init__"} for module in imports}
     for package in graph:  # a package re-exports its modules: that is no import by them
-        graph[package] = {target for target in graph[package] if not module_of(package, target)}
+        graph[package] = {target for target in graph[package] if not package.startswith(f"{target}.")}
     try:
         graphlib.TopologicalSorter(graph).prepare()
     except graphlib.CycleError as error:
         return list(error.args[1])
     return []
-
-
-def module_of(package: str, target: str) -> bool:
-    """Return whether a module imports the package that holds it, for the sake of a sibling."""
-    return package.startswith(f"{target}.")
 
 
 def test_imports_go_down_only() -> None:
