@@ -122,12 +122,8 @@ def test_what_other_pages_take_from_the_page_of_the_tradeoff_is_there() -> None:
 def test_the_readme_is_short_and_leads_to_each_group() -> None:
     text = _text("README.md")
     assert len(text.splitlines()) <= 90
-    assert set(re.findall(r"\]\(docs/([a-z-]+)/index\.md\)", text)) == {
-        "tutorials",
-        "how-to",
-        "reference",
-        "explanation",
-    }
+    groups = set(re.findall(r"\]\(docs/([a-z-]+)/index\.md\)", text))
+    assert groups == {"tutorials", "how-to", "reference", "explanation"}
 
 
 @pytest.mark.parametrize("page", PROSE)
