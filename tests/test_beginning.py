@@ -155,9 +155,8 @@ def test_explain_knows_the_heads_and_names_of_the_columns_of_show() -> None:
 
 def test_every_key_has_a_description_and_values() -> None:
     found = keys()
-    assert {"surface.D", "surface.file", "sweep.to.pressure", "material.E", "solver.rtol", "record.transport"} <= {
-        key.path for key in found
-    }
+    some = {"surface.D", "surface.file", "sweep.to.pressure", "material.E", "solver.rtol", "record.transport"}
+    assert some <= {key.path for key in found}
     assert [key.path for key in found if not key.description or not key.values] == []
 
 
