@@ -328,9 +328,8 @@ def test_a_seal_of_a_gas_alone_turns_its_patches_as_beside_a_liquid(tmp_path: Pa
 
 
 def test_a_seal_of_a_gas_alone_leaks_the_gas_in_its_unit_and_names_the_leg_that_closes_it(tmp_path: Path) -> None:
-    text = FLOWS.replace("seeds: 3", "seeds: 1").replace(
-        f"{{{SWEEP}}}", f"[{{steps: 4, to: percolation}}, {{{PRESSED}}}]"
-    )
+    legs = f"[{{steps: 4, to: percolation}}, {{{PRESSED}}}]"
+    text = FLOWS.replace("seeds: 3", "seeds: 1").replace(f"{{{SWEEP}}}", legs)
     text = text.replace("leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s}", "gas_leak_rate: sccm")
     card, of_seal = _card(text + AIR, "last", tmp_path)
     words = card_text.seal(of_seal, legs=card_text.has_legs(card))

@@ -98,10 +98,8 @@ def test_the_right_panel_names_its_mean_and_is_empty_where_every_mean_is_zero(re
 
 @pytest.mark.parametrize("chosen", [{"m": 6}, {"ensemble_at": "pressure=0.3"}])
 def test_a_choice_by_labels_keeps_the_means_of_all_surfaces(results: Dataset, chosen: dict[str, Any]) -> None:
-    own = {
-        f"rms_gap_{end}": results[f"free_volume_{end}"] for end in ("mean", "accuracy_asked", "interval", "level_mean")
-    }
-    every = results.assign(own)
+    ends = ("mean", "accuracy_asked", "interval", "level_mean")
+    every = results.assign({f"rms_gap_{end}": results[f"free_volume_{end}"] for end in ends})
     one = widened(every.assign(gap_mean=results["ensemble_plain_cost"]).sel(chosen))  # of surfaces, by its name alone
     for name in every.data_vars:
         assert set(one[name].dims) == set(every[name].dims), name

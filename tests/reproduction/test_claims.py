@@ -187,9 +187,8 @@ def test_slopes_are_those_of_the_line_through_the_origin(small: ClaimRun) -> Non
 
 def test_a_surface_that_is_not_pressed_has_no_slope_and_others_take_their_first_pressures() -> None:
     late = np.array([[0.0, 0.0, 3.0], [0.0, 0.0, 0.0]])
-    slopes, limit = slopes_of_area(
-        {"early": (np.array([[1.0, 2.0]]), np.array([[0.2, 0.4]])), "late": (late, 0.1 * late)}
-    )
+    early = np.array([[1.0, 2.0]])
+    slopes, limit = slopes_of_area({"early": (early, 0.2 * early), "late": (late, 0.1 * late)})
     assert limit == 3.0
     assert slopes["early"].tolist() == pytest.approx([0.2])
     assert slopes["late"].tolist() == pytest.approx([0.1, np.nan], nan_ok=True)
