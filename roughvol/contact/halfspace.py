@@ -20,6 +20,7 @@ K(i, k) = Kp(i - k) + Kp(i + k + 1) along each axis.
 """
 
 import math
+import operator
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -115,10 +116,15 @@ class HalfSpace:
         *,
         sides: Sides = "free",
     ) -> None:
-        self.shape, self.kernel, self.sides = (int(shape[0]), int(shape[1])), kernel_of(kernel), sides
-        self.threads, self._tuning = threads, tuning
         if sides not in _LEAST:
             raise ContactError(f"sides is {sides!r}; allowed: {', '.join(_LEAST)}")
+        try:
+            (rows, columns), threads = map(operator.index, shape), operator.index(threads)
+        except (TypeError, ValueError) as error:
+            message = f"shape is {shape!r}, threads is {threads!r}; allowed: whole numbers, two in the shape"
+            raise ContactError(message) from error
+        self.shape, self.kernel, self.sides = (rows, columns), kernel_of(kernel), sides
+        self.threads, self._tuning = threads, tuning
         if threads < 1:
             raise ContactError(f"threads is {threads}; allowed: at least 1")
         least = _LEAST[sides]

@@ -33,7 +33,7 @@ from roughvol.contact.paper_algorithm import solve_paper
 from roughvol.contact.problem import LIGHT, LIGHT_ROUGH, ROUNDING, TENSILE, Problem
 from roughvol.contact.state import Compliance, Contact, Estimated, Leg, State
 from roughvol.errors import ContactError
-from roughvol.surfaces.surface import Surface
+from roughvol.surfaces.surface import Surface, real
 from roughvol.typing import Array
 
 SOLVERS = {"fast": solve_indentation, "paper": solve_paper}
@@ -145,7 +145,7 @@ def sweep(
     problem, latest, previous, error = _resumed(Problem(surface, half_space, replace(options, **changed)), resume)
     rising, last = previous is None or latest.indentation > previous.indentation, latest.indentation
     started = previous is not None
-    for indentation in map(float, indentations):
+    for indentation in (real("indentation", given, ContactError) for given in indentations):
         if not np.isfinite(indentation) or (started and indentation == last):
             at_last = f" and not {last:g}, that of the state before" if started else ""
             raise ContactError(f"indentation is {indentation}; allowed: finite{at_last}")

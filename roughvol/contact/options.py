@@ -7,6 +7,7 @@ No constant changes the answer beyond the residual. Constants decide when someth
 from dataclasses import dataclass
 
 from roughvol.errors import ContactError
+from roughvol.surfaces.surface import real
 
 METHODS = ("fast", "paper")
 PRECISIONS = ("mixed", "double")
@@ -111,7 +112,7 @@ class Options:
     search: SearchTuning = SEARCH_TUNING
 
     def __post_init__(self) -> None:
-        if not 0 < self.rtol <= 1:
+        if not 0 < real("rtol", self.rtol, ContactError) <= 1:
             raise ContactError(f"rtol is {self.rtol}; allowed: 0 < rtol <= 1 (a bound on the residual η/σ)")
         for name, value, allowed in (("method", self.method, METHODS), ("precision", self.precision, PRECISIONS)):
             if value not in allowed:
@@ -120,11 +121,12 @@ class Options:
             raise ContactError(f"tuning is a {type(self.tuning).__name__}; allowed: Tuning; a SearchTuning is search=…")
         if not isinstance(self.search, SearchTuning):
             raise ContactError(f"search is a {type(self.search).__name__}; allowed: SearchTuning; a Tuning is tuning=…")
-        if self.pressure_error is not None and not 0 < self.pressure_error <= 0.1:
-            raise ContactError(f"pressure_error is {self.pressure_error}; allowed: 0 < pressure_error <= 0.1")
-        if self.hardness is not None and not self.hardness > 0.0:
-            raise ContactError(f"hardness is {self.hardness}; allowed: hardness > 0, in the unit of p*")
-        if self.hardness is not None and self.method != "fast":
+        error, hardness = self.pressure_error, self.hardness
+        if error is not None and not 0 < real("pressure_error", error, ContactError) <= 0.1:
+            raise ContactError(f"pressure_error is {error}; allowed: 0 < pressure_error <= 0.1")
+        if hardness is not None and not real("hardness", hardness, ContactError) > 0.0:
+            raise ContactError(f"hardness is {hardness}; allowed: hardness > 0, in the unit of p*")
+        if hardness is not None and self.method != "fast":
             raise ContactError(f"method {self.method!r} has no hardness; allowed: 'fast'")
 
 

@@ -32,7 +32,7 @@ from roughvol.contact.bracket import Bracket, Target
 from roughvol.contact.loading import Compliance, Contact, Trials
 from roughvol.contact.options import DEFAULT, Options
 from roughvol.errors import ContactError, ConvergenceError
-from roughvol.surfaces.surface import Surface
+from roughvol.surfaces.surface import Surface, real
 
 TARGETS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure", "free_volume": "free_volume"}
 CROSSING = 1e-6  # relative accuracy of the indentation of a crossing
@@ -94,7 +94,7 @@ def indentation_for(
     """
     if target not in TARGETS:
         raise ContactError(f"target is {target!r}; allowed: {', '.join(TARGETS)}")
-    area = target == "contact_area"
+    area, value = target == "contact_area", real("value", value, ContactError)
     if not 0 < value < np.inf or (area and value > 1):
         allowed = {"contact_area": "0 < A* <= 1", "pressure": "p* > 0", "free_volume": "V* > 0"}[target]
         raise ContactError(f"{target} is {value}; allowed: {allowed}")
@@ -148,9 +148,9 @@ def first_indentation(
     Raises
     ------
     ContactError
-        If the accuracy is out of range.
+        If the accuracy is out of range, or the condition holds nowhere.
     ConvergenceError
-        If a solve does not converge, or the condition holds nowhere.
+        If a solve does not converge.
 
     See Also
     --------
@@ -166,7 +166,7 @@ def first_indentation(
     >>> round(first_indentation(dome, HalfSpace(dome.shape), lambda c: c.contact_area_fraction >= 0.1), 2)
     0.57
     """
-    if not 0.0 < accuracy < 1.0:
+    if not 0.0 < real("accuracy", accuracy, ContactError) < 1.0:
         raise ContactError(f"accuracy is {accuracy}; allowed: 0 < accuracy < 1")
     options = replace(options, search=replace(options.search, accuracy=accuracy))
     target = Target(lambda contact: float(reached(contact)), 1.0, elements=True, power=False)

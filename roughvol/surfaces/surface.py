@@ -15,7 +15,7 @@ from typing import SupportsIndex, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from roughvol.errors import SurfaceError
+from roughvol.errors import RoughvolError, SurfaceError
 from roughvol.spellings import arguments
 from roughvol.typing import Array, Sides
 
@@ -230,12 +230,12 @@ def _checked_heights(heights: ArrayLike) -> Array:
     return checked
 
 
-def real(name: str, value: float) -> float:
-    """Return a value as a float, or refuse anything but a real number."""
-    try:
-        return float(value)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise SurfaceError(f"{name} must be a number, got {value!r}") from error
+def real(name: str, value: float, refused: type[RoughvolError] = SurfaceError) -> float:
+    """Return a value as a float, or refuse anything but a real number, text and complex numbers included."""
+    with contextlib.suppress(TypeError, ValueError, OverflowError):
+        if not isinstance(value, str | bytes | complex):
+            return float(value)
+    raise refused(f"{name} must be a number, got {value!r}")
 
 
 def positive(name: str, value: float) -> float:

@@ -227,7 +227,7 @@ def _with_moduli(waves: Waves, moduli: Array) -> Waves:
 
 def _check(spectrum: Spectrum, hurst: float, n: int) -> None:
     """Refuse what lies outside its interval."""
-    rolloff, cut, stretch = spectrum.rolloff, spectrum.cut, spectrum.anisotropy
+    rolloff, cut, stretch = (real(name, getattr(spectrum, name)) for name in ("rolloff", "cut", "anisotropy"))
     finite = math.isfinite(cut) and math.isfinite(stretch)
     rules = (
         (0.0 < hurst < 1.0, f"H must be in (0, 1), got {hurst!r}"),
@@ -246,5 +246,5 @@ def _check(spectrum: Spectrum, hurst: float, n: int) -> None:
     positive("Sq", spectrum.Sq)
     if spectrum.slope is not None:
         positive("slope", spectrum.slope)
-    if spectrum.Ssk is not None and not math.isfinite(spectrum.Ssk):
+    if spectrum.Ssk is not None and not math.isfinite(real("Ssk", spectrum.Ssk)):
         raise SurfaceError(f"Ssk must be finite, got {spectrum.Ssk!r}")

@@ -374,6 +374,8 @@ test_refused = refusals(
     ContactError,
     *((flawed(rtol=rtol), rf"rtol is {rtol}.*0 < rtol") for rtol in (0.0, -1e-3, 1.5, math.nan)),
     *((flawed(hardness=hardness), "hardness is") for hardness in (0.0, -1.0, math.nan)),
+    *((flawed(**{name: "1"}), f"{name} must be a number, got '1'") for name in ("rtol", "pressure_error", "hardness")),
+    *((flawed(at=at), f"indentation must be a number, got {at!r}") for at in (None, "1", 1j)),
     (flawed(hardness=1.0, method="paper"), "'paper' has no hardness"),
     (flawed(method="slow"), r"'slow'.*fast, paper"),
     (flawed(precision="half"), r"'half'.*mixed, double"),

@@ -338,6 +338,7 @@ test_refused = refusals(
     (looked_for("pressure", 1.0, method="slow"), r"'slow'.*fast, paper"),
     *((looked_for("contact_area", v), rf"contact_area is {v}.*A\* <= 1") for v in (0.0, -0.1, 1.01, math.nan)),
     *((looked_for("pressure", v), rf"pressure is {v}.*p\* > 0") for v in (0.0, -2.0, math.nan)),
+    (looked_for("pressure", "1"), "value must be a number, got '1'"),
     (looked_for("free_volume", 99.0), r"allowed: 0 < V\* <"),
     (crossed(2.1, 2.0), "not reached"),  # a pressure above the hardness
     (crossed(0.0, None), "is reached already"),

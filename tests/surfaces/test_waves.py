@@ -154,6 +154,10 @@ def test_a_patch_is_the_period_with_its_edge_repeated():
 
 test_what_lies_outside_its_interval_is_refused = refusals(
     SurfaceError,
+    *(
+        (lambda name=name: made(replace(LAW, **{name: "2"})), f"{name} must be a number, got '2'")
+        for name in ("rolloff", "cut", "anisotropy", "Ssk")
+    ),
     (lambda: made(replace(LAW, rolloff=0.5)), "rolloff = L/λ_r must be >= 1"),
     *((lambda cut=cut: made(replace(LAW, cut=cut)), "cut = L/λ_s must be > rolloff = 4") for cut in (4.0, math.inf)),
     (lambda: made(replace(LAW, anisotropy=0.5)), "anisotropy must be >= 1"),
