@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roughvol.errors import SurfaceError
 from roughvol.typing import Array, Index, Mask
 
 
@@ -32,8 +31,6 @@ class LocalDimension(NamedTuple):
 
 def box_counts(mask: Mask, *, periodic: bool = False) -> BoxCounts:
     """Return N(r), the boxes of side r that hold at least one True node (the paper's Section 3.2, Fig. 11a)."""
-    if mask.dtype != np.bool_ or mask.ndim != 2 or mask.size == 0:
-        raise SurfaceError(f"mask must be a 2-D array of bool, got {mask.dtype} of shape {mask.shape}")
     levels = min(mask.shape).bit_length() - 1
     sides = 2 ** np.arange(levels + 1, dtype=np.int64)
     if periodic:

@@ -45,10 +45,6 @@ def percolates(void: Mask, *axes: int, periodic: bool = False) -> bool:
 
 def connectivity(gap: Array, contact: Mask, *, periodic: bool = False) -> Connectivity:
     """Return what percolates, the shares of the free volume, and the clusters of contact and of trapped void."""
-    check_gap(gap)
-    if contact.shape != gap.shape or contact.dtype != np.bool_ or np.any(gap[contact]):
-        message = f"contact must be a bool mask of shape {gap.shape} with gap 0, got {contact.dtype} {contact.shape}"
-        raise ContactError(message)
     everywhere = (periodic, periodic)
     void: Mask = gap > 0.0
     labels, count = labelled(void, SIDES, everywhere)
@@ -154,9 +150,3 @@ def check_gap(gap: Array) -> None:
     if gap.ndim != 2 or gap.size == 0 or not np.all((gap >= 0.0) & np.isfinite(gap)):
         least = f" with minimum {gap.min():g}" if gap.size and np.isfinite(gap).all() else ""
         raise ContactError(f"gap must be a 2-D field of finite numbers >= 0, got shape {gap.shape}{least}")
-
-
-def check_exponent(exponent: float) -> None:
-    """Refuse an exponent of the conductance that is not positive and finite."""
-    if not 0.0 < exponent < np.inf:
-        raise ContactError(f"exponent must be > 0, got {exponent}")

@@ -19,7 +19,6 @@ from the differences that are left: the second number has them.
 import numpy as np
 
 from roughvol.errors import ConvergenceError
-from roughvol.gap.clusters import check_gap
 from roughvol.gap.constriction import constriction
 from roughvol.gap.network import Network, between_reservoirs, differences, faces, surplus
 from roughvol.typing import Array
@@ -39,7 +38,6 @@ class FluidField:
     """
 
     def __init__(self, gap: Array, axis: int, *, periodic: bool = False, least: float = LEAST) -> None:
-        check_gap(gap)
         self._axis = axis
         narrowest, widest = constriction(gap, axis, periodic=periodic), float(gap.max())
         flows = narrowest.gap > NARROW * widest
@@ -92,8 +90,3 @@ class FluidField:
 
     def _turned(self, field: Array) -> Array:
         return field if self._axis == 0 else np.ascontiguousarray(field.T)
-
-
-def fluid_pressure(gap: Array, axis: int, *, periodic: bool = False) -> Array:
-    """Return the pressure of the fluid on every element, over that of the inlet."""
-    return FluidField(gap, axis, periodic=periodic).pressure

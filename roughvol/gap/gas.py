@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roughvol.errors import ContactError, ConvergenceError
-from roughvol.gap.clusters import check_gap, spanned
+from roughvol.gap.clusters import spanned
 from roughvol.gap.compiled import compiled
 from roughvol.gap.constriction import constriction
 from roughvol.gap.network import ACCURACY, flow_through
@@ -200,7 +200,6 @@ def conduction_of_gas(
     The path is λ at the inlet; the outlet pressure is 0 ≤ outlet < 1. A flow that still changes by a tenth of the
     accuracy after `TURNS` iterations is a `ConvergenceError`.
     """
-    check_gap(gap)
     if law not in LAWS or not 0.0 <= outlet < 1.0 or not 0.0 <= path < math.inf or (law == "kinetic" and path == 0.0):
         given = f"law {law!r}, mean free path {path}, outlet {outlet}"
         raise ContactError(f"{given}; allowed: {', '.join(LAWS)}, > 0, 0 <= outlet < 1")

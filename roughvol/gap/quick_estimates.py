@@ -6,8 +6,6 @@ Conventions are those of `transport`. Neither solves a field.
 import numpy as np
 import scipy
 
-from roughvol.errors import ContactError
-from roughvol.gap.clusters import check_exponent, check_gap
 from roughvol.gap.constriction import constriction
 from roughvol.typing import Array
 
@@ -23,10 +21,6 @@ def effective_medium(gap: Array, exponent: float = 3.0, *, closes_at: float = 0.
     c is Kirkpatrick's effective medium with s in place of z/2 - 1, Reviews of Modern Physics 45 (1973) 574.
     Wang & Müser (2020), arXiv:2010.13470, find that roughness closes at `CLOSES_AT`.
     """
-    check_gap(gap)
-    check_exponent(exponent)
-    if not 0.0 < closes_at < 1.0:
-        raise ContactError(f"closes_at must be between 0 and 1, got {closes_at}")
     values = gap[gap > 0.0]
     closed = gap.size - values.size
     if closed >= closes_at * gap.size:
@@ -48,16 +42,13 @@ def effective_medium(gap: Array, exponent: float = 3.0, *, closes_at: float = 0.
     return float(np.exp(root - exponent * np.log(np.mean(gap / values.max()))))
 
 
-def single_junction(
-    gap: Array, axis: int, exponent: float = 3.0, *, periodic: bool = False, critical: float | None = None
-) -> float:
+def single_junction(gap: Array, axis: int, exponent: float = 3.0, *, critical: float | None = None) -> float:
     """Return the estimate of the coefficient of `conduction` from the critical constriction alone.
 
     All pressure drops over one square junction of the gap h_c of `constriction` (`critical`): the coefficient is
     (h_c/mean g)^n times length over width. Persson & Yang, Journal of Physics: Condensed Matter 20 (2008) 315011.
     """
-    check_exponent(exponent)
-    critical = constriction(gap, axis, periodic=periodic).gap if critical is None else critical
+    critical = constriction(gap, axis).gap if critical is None else critical
     if critical == 0.0:
         return 0.0
     largest = gap.max()

@@ -15,7 +15,7 @@ reservoir and its neighbour by 2k. Coefficients are over those of two smooth pla
 between the same reservoirs. Neither the unit of g nor the spacing enters.
 
 Functions take the gap [any length], shape (rows, columns), and the axis of the flow, 0 for x, 1 for y. A gap that is
-no 2-D field of finite numbers ≥ 0, and an exponent n that is not positive, are a `ContactError`.
+no 2-D field of finite numbers ≥ 0 is a `ContactError`. The exponent n is positive.
 
 Of a periodic surface, one period lies between the reservoirs, and the two other sides are joined. `cell_conduction` has
 no reservoirs: the pressure falls by the same mean gradient in every period, and flows are those of the endless plane.
@@ -34,7 +34,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roughvol.gap.clusters import SIDES, check_exponent, labelled, spanned
+from roughvol.gap.clusters import SIDES, labelled, spanned
 from roughvol.gap.compiled import compiled
 from roughvol.gap.constriction import constriction, endless_constriction
 from roughvol.gap.multigrid import Conductances
@@ -97,7 +97,6 @@ def conduction(
     The two coefficients of Vallet et al. (2009): transmissivity with n = 3, diffusivity with n = 1. The accuracy is
     relative, `start` has pressures of a similar gap, and `critical` is the gap of `constriction`, if it is known.
     """
-    check_exponent(exponent)
     critical = constriction(gap, axis, periodic=periodic).gap if critical is None else critical
     if critical == 0.0:
         return Conduction(0.0, 0.0, axis, gap.shape)
@@ -119,7 +118,6 @@ def cell_conduction(gap: Array, axis: int, exponent: float = 3.0, *, accuracy: f
     The coefficient is the dissipation per element, Σ k (δP)²/N at one unit of mean gradient along the axis and none
     across, over (mean g)^n. It is 0 where no void leads on from period to period without end.
     """
-    check_exponent(exponent)
     along = gap if axis == 0 else np.ascontiguousarray(gap.T)
     critical = endless_constriction(along)
     if critical == 0.0:

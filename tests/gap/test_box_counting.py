@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from roughvol.errors import SurfaceError
 from roughvol.gap.box_counting import BoxCounts, box_counts, local_dimension
 
 
@@ -79,9 +78,3 @@ def test_empty_domain_has_no_dimension():
     assert local.r_mid.shape == (3,)
     assert np.isnan(local.dimension).all()
     assert local_dimension(BoxCounts(np.array([1]), np.array([1]))).dimension.size == 0
-
-
-@pytest.mark.parametrize("mask", [np.ones((4, 4)), np.ones(4, dtype=bool), np.ones((0, 4), dtype=bool)])
-def test_refused(mask):
-    with pytest.raises(SurfaceError, match="mask must be a 2-D array of bool"):
-        box_counts(mask)

@@ -5,10 +5,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy import ndimage
 
-from roughvol.errors import ContactError
 from roughvol.gap.clusters import connectivity, endless, percolates
 from tests.gap.kit import drawn, floods, rough, smooth
-from tests.refused import refusals
 
 DIAGONAL = "#... .#.. ..#. ...#"
 RING = """
@@ -95,11 +93,3 @@ def test_a_way_that_misses_itself_leads_nowhere():
     assert percolates(stairs, 0, periodic=True)
     assert not endless(stairs)
     assert endless(np.eye(5) + np.roll(np.eye(5), 1, axis=1) > 0.0)  # goes on in the next period, one column further
-
-
-test_refused = refusals(
-    ContactError,
-    (lambda: connectivity(np.ones((3, 3)), np.ones((3, 3), dtype=bool)), "gap 0"),
-    (lambda: connectivity(np.ones((3, 3)), np.zeros((3, 2), dtype=bool)), "shape"),
-    (lambda: connectivity(np.ones(4), np.zeros(4, dtype=bool)), "2-D field"),
-)

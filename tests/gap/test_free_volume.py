@@ -5,9 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from roughvol.errors import ContactError
 from roughvol.gap.free_volume import domain, element_volumes, free_volume, volume_density
-from tests.refused import refusals
 
 RANDOM = np.random.Generator(np.random.PCG64(3))
 CONTACT = RANDOM.random((17, 12)) < 0.2
@@ -66,17 +64,3 @@ def test_domains_grow_from_the_contact_to_everything():
         assert not np.any(small & ~large)
     assert np.count_nonzero(domains[4]) == sum(v <= thresholds[4] for v in VOLUMES.flat)
     assert domains[-1].all()
-
-
-test_refused = refusals(
-    ContactError,
-    (lambda: element_volumes(GAP - 0.5, 1.0, CONTACT), "gap must be >= 0 off the contact"),
-    (lambda: element_volumes(GAP, 1.0, CONTACT[1:]), r"shape \(17, 12\), got bool of shape \(16, 12\)"),
-    (lambda: element_volumes(GAP, 1.0, CONTACT.astype(int)), "bool mask"),
-    (lambda: free_volume(GAP, 0.0), "Sq must be positive"),
-    (lambda: volume_density(VOLUMES, CONTACT, 0), "bins must be >= 1"),
-    (lambda: volume_density(VOLUMES, CONTACT, 5, False, 0.1), r"volumes must lie in \[0, 0.1\]"),
-    (lambda: volume_density(-VOLUMES, CONTACT), "volumes must lie in"),
-    (lambda: domain(VOLUMES, -1.0, CONTACT), "threshold must be >= 0, got -1.0"),
-    (lambda: domain(VOLUMES, float("nan"), CONTACT), "threshold"),
-)

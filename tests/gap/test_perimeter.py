@@ -7,7 +7,6 @@ from numpy.testing import assert_allclose
 from roughvol.campaign import one_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import solve
-from roughvol.errors import ContactError
 from roughvol.gap.perimeter import contact_perimeter, corrected_area
 from roughvol.study import loads
 from roughvol.surfaces.surface import Surface
@@ -56,11 +55,6 @@ def test_the_corrected_area_of_a_sphere_is_nearer_to_hertz():
     assert_allclose(
         corrected_area([0.0, 0.1], [10.0, 1.0], 10), [0.0, 0.1 - (np.pi - 1 + np.log(2)) / 240]
     )  # never < 0
-
-
-def test_what_is_no_mask_is_refused():
-    with pytest.raises(ContactError, match="mask of bool"):
-        contact_perimeter(np.zeros((3, 3)))
 
 
 @pytest.mark.parametrize("region", ["", ", region: {x: [0, 0.5], y: [0.25, 1]}"])

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from roughvol.errors import ContactError
 from roughvol.gap.quick_estimates import CLOSES_AT, effective_medium, single_junction
 from tests.gap.kit import rough
-from tests.refused import refusals
 
 
 def test_the_corrected_medium_closes_where_it_is_told_to():
@@ -41,11 +39,3 @@ def test_the_unit_of_length_does_not_matter():
     for unit in (1e-200, 1e200):
         assert effective_medium(unit * gap) == pytest.approx(effective_medium(gap), rel=1e-10)
         assert single_junction(unit * gap, 0) == pytest.approx(single_junction(gap, 0), rel=1e-12)
-
-
-test_refused = refusals(
-    ContactError,
-    (lambda: effective_medium(np.ones((3, 3)), closes_at=0.0), "closes_at"),
-    (lambda: effective_medium(np.ones((3, 3)), closes_at=1.0), "closes_at"),
-    (lambda: effective_medium(np.ones((3, 3)), exponent=-1.0), "exp"),
-)

@@ -9,6 +9,7 @@ from roughvol.contact.loading import Trials
 from roughvol.contact.search import state_under
 from roughvol.errors import ContactError, ConvergenceError
 from roughvol.gap.clusters import percolates
+from roughvol.gap.fluid_pressure import FluidField
 from roughvol.gap.transport import conduction
 from roughvol.observables import coupling
 from roughvol.observables.coupling import Coupling
@@ -34,6 +35,20 @@ def pressed():
 
 def _flow(gap):
     return conduction(gap, 0, periodic=True).coefficient * float(gap.mean()) ** 3
+
+
+# the pressure of the fluid
+
+
+def test_a_dead_end_has_the_pressure_of_its_reservoir_and_a_pocket_one_between():
+    gap = np.zeros((11, 11))
+    gap[:, 0] = 0.01  # the way
+    gap[:4, 3] = gap[8:, 3] = 1.0  # joined to inlet or outlet
+    gap[5, 7] = 1.0  # a pocket
+    pressure = FluidField(gap, 0).pressure
+    assert_allclose(pressure[:4, 3], 1.0, atol=1e-3)
+    assert_allclose(pressure[8:, 3], 0.0, atol=1e-3)
+    assert 0.1 < pressure[5, 7] < 0.9
 
 
 # contact and flow together

@@ -9,7 +9,7 @@ from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import Trials
 from roughvol.contact.search import state_under
 from roughvol.gap.clusters import connectivity
-from roughvol.gap.fluid_pressure import fluid_pressure
+from roughvol.gap.fluid_pressure import FluidField
 from roughvol.gap.gas import conduction_of_gas
 from roughvol.gap.transport import conduction
 from roughvol.observables.coupling import Coupling
@@ -90,7 +90,7 @@ def test_a_coupled_state_is_one_of_the_doubled_period():
     gap -= gap[touching].mean()
     assert_allclose(state.gap, np.where(touching, 0.0, gap), atol=1e-7)
     assert_allclose(gap[touching], 0.0, atol=1e-7)
-    assert_allclose(state.fluid, inlet * fluid_pressure(state.gap, axis), atol=2e-6)
+    assert_allclose(state.fluid, inlet * FluidField(state.gap, axis).pressure, atol=2e-6)
     assert state.pressure.mean() == pytest.approx(load, rel=1e-8)
 
 
