@@ -92,8 +92,6 @@ def love_kernel(x: Array, y: Array) -> Array:
     Mechanics (1985), eq. 3.25.
     """
     x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-    if x.size and min(x.min(), y.min()) < 0:
-        raise ContactError(f"love_kernel: offset is {min(x.min(), y.min()):g}; allowed: >= 0 (the kernel is even)")
     kernel = np.empty(x.shape)
     far = np.hypot(x, y) > _SERIES_FROM
     kernel[far] = _love_far(x[far], y[far])

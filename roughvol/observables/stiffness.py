@@ -36,10 +36,6 @@ def interfacial_stiffness(pressure: ArrayLike, separation: ArrayLike) -> Array:
     rough interfaces: Pastewka et al., Physical Review E 87 (2013) 062809.
     """
     p, d = np.asarray(pressure, dtype=np.float64), np.asarray(separation, dtype=np.float64)
-    if p.shape != d.shape or p.ndim == 0:
-        raise ContactError(f"pressure and separation must have one shape (..., steps), got {p.shape} and {d.shape}")
-    if np.any(p < 0.0):
-        raise ContactError(f"pressure must be >= 0, got {np.nanmin(p):g}")
     stiffness = np.full(p.shape, np.nan)
     for row in np.ndindex(p.shape[:-1]):
         states = np.flatnonzero((p[row] > 0.0) & np.isfinite(p[row]) & np.isfinite(d[row]))
@@ -75,8 +71,6 @@ def without_every_second(pressure: ArrayLike, separation: ArrayLike) -> Array:
 
 def harmonic_conductivity(first: float, second: float) -> float:
     """Return k_s = 2 k₁ k₂/(k₁ + k₂) of the conductivities of two bodies, in their unit."""
-    if not (first > 0.0 and second > 0.0):
-        raise ContactError(f"conductivities are {first:g} and {second:g}; allowed: > 0")
     return 2.0 * first * second / (first + second)
 
 

@@ -69,7 +69,7 @@ def moment(spectrum: Spectrum, hurst: float, order: int) -> float:
     rolloff, cut = spectrum.rolloff, spectrum.cut
     plateau = (rolloff ** (order + 2) - 1.0) / (order + 2)
     power = order - 2.0 * hurst
-    falling = math.log(cut / rolloff) if power == 0.0 else ((cut / rolloff) ** power - 1.0) / power
+    falling = ((cut / rolloff) ** power - 1.0) / power
     return plateau + rolloff ** (order + 2) * falling
 
 

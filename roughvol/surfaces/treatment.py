@@ -21,8 +21,7 @@ LARGEST_SHARE_OUT = 0.05  # of heights taken out: beyond, they are a part of the
 AT_ONCE = 1 << 22  # heights of all windows that are sorted together
 AT_NODE = 1e-9  # of an axis: a place as near to a node is at the node
 ROUNDING = 2e-15  # of the largest height: what a fit leaves of an exact plane is no roughness
-LEVELS = {"none": -1, "mean": 0, "tilt": 1, "quadratic": 2}  # degree of the surface that is taken off
-FILLS = ("nearest", "interpolate")
+LEVELS = {"mean": 0, "tilt": 1, "quadratic": 2}  # degree of the surface that is taken off
 LARGEST_SHARE = 0.5  # of missing nodes that is filled: beyond, a map is more invented than measured
 
 ALPHA = math.sqrt(math.log(2.0) / math.pi)  # ISO 16610-61: halves the amplitude at the cut-off
@@ -145,16 +144,11 @@ def level(heights: Array, kind: str, among: Mask | None = None) -> Array:
     """Return the heights less the least-squares surface of the known ones.
 
     z' = z - Σ c_ab x^a y^b over a + b ≤ n, where the c minimise Σ z'² over the nodes with known z. The degree n is 0
-    for ``mean``, 1 for ``tilt`` (a plane) and 2 for ``quadratic``. ``none`` takes nothing off. ``among`` restricts the
-    fit to some of the known nodes.
+    for ``mean``, 1 for ``tilt`` (a plane) and 2 for ``quadratic``. ``among`` restricts the fit to some of the known
+    nodes.
     """
-    if kind not in LEVELS:
-        raise SurfaceError(f"level must be one of {', '.join(map(repr, LEVELS))}, got {kind!r}")
-    mask = _some_known(heights)
+    mask, degree = _some_known(heights), LEVELS[kind]
     support = mask if among is None else among & mask
-    degree = LEVELS[kind]
-    if degree < 0:
-        return heights.copy()
     terms = [(a, b) for a in range(degree + 1) for b in range(degree + 1 - a)]
     x, y = (np.vander(np.linspace(-1.0, 1.0, nodes), 2 * degree + 1, increasing=True) for nodes in heights.shape)
     moments = x.T @ support @ y  # Σ x^a y^b over the fitted nodes
@@ -180,8 +174,6 @@ def fill(heights: Array, rule: str, *, periodic: bool = False) -> Array:
     ``interpolate`` every filled height is the mean of its 4 neighbours, 3 or 2 at the rim (the discrete Laplace
     equation). This is smooth, exact for a plane away from the rim, and within the known heights around the hole.
     """
-    if rule not in FILLS:
-        raise SurfaceError(f"missing must be one of {', '.join(map(repr, FILLS))}, got {rule!r}")
     missing = ~_some_known(heights)
     share = float(missing.mean())
     if share > LARGEST_SHARE:
@@ -212,8 +204,6 @@ def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
             f"low_pass is {cut_off:.6g}; allowed: {2.0 * spacing:.6g} (twice the spacing) to {shorter:.6g} "
             "(the shorter side)"
         )
-    if not np.isfinite(heights).all():
-        raise SurfaceError("heights must be known at every node before they are filtered")
     from scipy import signal  # imports scipy.stats: half a second, for this filter alone
 
     reach = math.ceil(REACH * cut_off / spacing)

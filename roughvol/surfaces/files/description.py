@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from roughvol.errors import DatasetError, SurfaceError
 from roughvol.surfaces import length_units
 
@@ -96,6 +98,15 @@ def reading(path: Path) -> Iterator[None]:
         reason = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
         kind = f" as {path.suffix.lower()}" if path.suffix else ""
         raise DatasetError(f"{path}: cannot be read{kind}: {' '.join(reason.split())[:200]}") from error
+
+
+def binary(path: Path, described: Description, kind: str, start: int, size: int) -> HeightMap:
+    """Return the map of binary heights, rows along x, a number of bytes from a position on."""
+    nx, ny = described.shape
+    each = np.dtype(kind).itemsize
+    if size != each * nx * ny:
+        raise DatasetError(f"{path}: holds {size} bytes of heights; its header gives {nx} x {ny} of {each} bytes each")
+    return HeightMap(described, lambda: np.fromfile(path, kind, nx * ny, offset=start).reshape(ny, nx).T.astype("f8"))
 
 
 def length_unit(path: Path, unit: object, place: str) -> str | None:

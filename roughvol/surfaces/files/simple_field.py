@@ -11,18 +11,16 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import numpy as np
-
 from roughvol.errors import DatasetError, SurfaceError
 from roughvol.surfaces.files.description import (
     Description,
     HeightMap,
     Request,
+    binary,
     first_bytes,
     length_unit,
     names_no_heights,
 )
-from roughvol.typing import Array
 
 _MAGIC = b"Gwyddion Simple Field 1."
 _HEAD = 1 << 16  # bytes searched for the end of the header
@@ -48,8 +46,6 @@ def opened(request: Request) -> HeightMap:
     if names_no_heights(title):
         raise SurfaceError(f"{path}: the field {title!r} holds no heights, by its name")
     nx, ny = int(given["XRes"]), int(given["YRes"])
-    if (size := path.stat().st_size - start) != _HEIGHT_BYTES * nx * ny:
-        raise DatasetError(f"{path}: holds {size} bytes of heights; its header gives {nx} x {ny} of 4 bytes each")
     sides = None
     if {"XReal", "YReal"} <= given.keys():
         try:
@@ -66,8 +62,4 @@ def opened(request: Request) -> HeightMap:
         "Gwyddion Simple Field",
         source="XReal in its header" if sides else "",
     )
-
-    def heights() -> Array:
-        return np.fromfile(path, "<f4", nx * ny, offset=start).reshape(ny, nx).T.astype("f8")
-
-    return HeightMap(described, heights)
+    return binary(path, described, "<f4", start, path.stat().st_size - start)

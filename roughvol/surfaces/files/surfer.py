@@ -18,7 +18,7 @@ import numpy as np
 
 from roughvol.errors import DatasetError, SurfaceError
 from roughvol.surfaces.files import plain_text
-from roughvol.surfaces.files.description import Description, HeightMap, Request, first_bytes
+from roughvol.surfaces.files.description import Description, HeightMap, Request, binary, first_bytes
 from roughvol.typing import Array
 
 _HEAD_6 = struct.Struct("<4s2h6d")  # name, nodes along x and y, limits of x, y and z
@@ -56,7 +56,7 @@ def _six(path: Path) -> HeightMap:
     if len(head) < _HEAD_6.size:
         raise DatasetError(f"{path}: ends within its header")
     described = _described(path, "Surfer 6", *_HEAD_6.unpack(head)[1:7])
-    return _binary(path, described, "<f4", len(head), path.stat().st_size - len(head))
+    return binary(path, described, "<f4", len(head), path.stat().st_size - len(head))
 
 
 def _seven(path: Path) -> HeightMap:
@@ -71,7 +71,7 @@ def _seven(path: Path) -> HeightMap:
     if version not in (1, 2):
         raise SurfaceError(f"{path}: is of version {version}; allowed: 1 and 2")
     limits = left, left + dx * (nx - 1), front, front + dy * (ny - 1)
-    values = _binary(path, _described(path, "Surfer 7", nx, ny, *limits), "<f8", *sections[b"DATA"])
+    values = binary(path, _described(path, "Surfer 7", nx, ny, *limits), "<f8", *sections[b"DATA"])
 
     def heights() -> Array:
         z = values.heights()
@@ -112,15 +112,6 @@ def _described(
     counted = all(low in (0.0, 1.0) and high - low == n - 1 for n, (low, high) in zip(shape, limits, strict=True))
     sides, source = (right - left, back - front), "the limits in its header"
     return Description(shape, sides, reader=f"Surfer grid, {kind}", read_as="surfer", source=source, counted=counted)
-
-
-def _binary(path: Path, described: Description, kind: str, start: int, size: int) -> HeightMap:
-    """Return the map of binary heights, a number of bytes from a position on."""
-    nx, ny = described.shape
-    each = np.dtype(kind).itemsize
-    if size != each * nx * ny:
-        raise DatasetError(f"{path}: holds {size} bytes of heights; its header gives {nx} x {ny} of {each} bytes each")
-    return HeightMap(described, lambda: np.fromfile(path, kind, nx * ny, offset=start).reshape(ny, nx).T.astype("f8"))
 
 
 _KINDS = {b"DSAA": _text, b"DSBB": _six, b"DSRB": _seven}
