@@ -72,8 +72,9 @@ def crossed(level: Level, step: int, contact: State, case: Case, before: Mapping
         return True
     name, value = STARRED[level.kind].stored, level.value or 0.0
     one, other = before[name] - value, float(getattr(contact, name)) - value
-    at_end = step == ends[leg - 1] and abs(other) <= slack(level.kind, value)  # answers take it as the level
-    return one * other <= 0.0 or abs(one) <= slack(level.kind, value, ROUNDING) or at_end
+    near = slack(level.kind, value)  # answers take the ends of the leg as the level
+    at_begin, at_end = step == ends[leg - 2] + 1 and abs(one) <= near, step == ends[leg - 1] and abs(other) <= near
+    return one * other <= 0.0 or at_begin or at_end
 
 
 def is_defined(level: Level, step: int, case: Case) -> bool:
@@ -163,15 +164,15 @@ def at_level(level: Level, between: Between) -> Contact:
         target = replace(target, value=target.value * (1.0 + (ROUNDING if falls else -ROUNDING)))
         if falls and not target.measure(after) <= target.value:
             return after  # the end of a leg, which misses the level by less than answers see
+        trials = Trials(surface, half_space, options, after=after.state())
+        start = trials.known(earlier[-1], residual) if earlier else trials.untouched
+        end, begun = trials.known(after.state(), after.residual), target.measure(start)
+        if earlier and (begun <= target.value if falls else begun >= target.value):
+            return start  # a leg that begins at the level
         if case.plastic or falls:
-            trials = Trials(surface, half_space, options, after=after.state())
-            start = trials.known(earlier[-1], residual) if earlier else trials.untouched
-            end = trials.known(after.state(), after.residual)
             return state_crossing(trials, target, start, end, brink=False)
-        trials = Trials(surface, half_space, options)
-        before = [trials.known(state, residual) for state in earlier[-1:] if state["elements"].size]
-        trials.least = before[0] if before else None
-        return state_reaching(trials, target, [*before, trials.known(after.state(), after.residual)])
+        trials.least = start if start.contact_area_fraction > 0.0 else None
+        return state_reaching(trials, target, [end] if trials.least is None else [start, end])
     indentation = value if level.kind == "indentation" else after.indentation + after.separation - value
     if abs(indentation - after.indentation) <= ROUNDING * after.indentation:
         return after

@@ -159,9 +159,12 @@ def test_an_area_below_one_element_is_met_at_first_touch_on_every_leg():
 
 
 @pytest.mark.parametrize("hardness", ["", "material: {hardness: 0.3}\n"])
-@pytest.mark.parametrize("level", ["{separation: 0.5}", "{indentation: 1.5}", "{pressure: 0.5}"])
-def test_a_level_at_the_end_of_a_leg_is_of_the_next_leg_too(level, hardness):
-    path = f"[{{steps: 3, to: {level}}}, {{steps: 2, to: {{pressure: 0.1}}}}]"
+@pytest.mark.parametrize("to", [0.1, 4.0])
+@pytest.mark.parametrize(
+    "level", ["{separation: 0.5}", "{indentation: 1.5}", "{pressure: 0.5}", f"{{contact_area: {50 / 289}}}"]
+)
+def test_a_level_at_the_end_of_a_leg_is_of_the_next_leg_too(level, hardness, to):
+    path = f"[{{steps: 3, to: {level}}}, {{steps: 2, to: {{pressure: {to}}}}}]"
     text = f"surface: {{D: 2.3, m: 4, seeds: [1]}}\n{hardness}sweep: {path}\n"
     result = answer(text + f"record: {{fields_at: {level}, all_legs: true}}").squeeze()
     assert result.field_at_step.values.tolist() == [3, 4]
