@@ -303,7 +303,8 @@ def state_crossing(
         return sign * (target.measure(contact) - value)
 
     touch = trials.untouched
-    far = touch if end is None and sign < 0.0 else end
+    lost = sign < 0.0 and (end is None or end.approach < touch.approach)  # no contact is left at the end
+    far = touch if lost else end
     before = sign > 0.0 and start.approach < touch.approach
     if (far is touch and excess(far) < 0.0) or (before and excess(touch) >= 0.0):
         return _apart(trials, target)

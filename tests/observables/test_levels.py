@@ -190,6 +190,22 @@ def test_a_level_at_a_step_of_an_unloading_leg_is_the_state_of_the_step(sides):
         assert_allclose(result[f"field_at_{name}"].sel(field_at=on_leg), values, rtol=1e-5)
 
 
+@pytest.mark.parametrize("sides", ["free", "mirrored"])
+def test_a_level_beyond_the_loss_of_contact_is_met_without_contact(sides):
+    path = "[{steps: 2, to: {free_volume: 0.5}}, {steps: 1, to: {free_volume: 1.6}}]"
+    text = f"surface: {{D: 2.3, m: 4, seeds: [1], sides: {sides}}}\nmaterial: {{hardness: 0.01}}\nsweep: {path}\n"
+    levels = "{free_volume: 1.5, separation: 1.2, contact_area: 0.02}"
+    result = answer(text + f"record: {{fields_at: {levels}, all_legs: true}}")
+    volume, separation, area = (
+        state(result, f"{label}, leg 2") for label in ("free_volume=1.5", "separation=1.2", "contact_area=0.02")
+    )
+    assert volume["free_volume"] == pytest.approx(1.5, rel=1e-6)
+    assert separation["separation"] == pytest.approx(1.2, rel=1e-6)
+    assert volume["mean_pressure"] == separation["mean_pressure"] == 0.0
+    assert area["contact_area_fraction"] == pytest.approx(0.02, abs=2 / 289)
+    assert area["mean_pressure"] > 0.0
+
+
 def test_the_error_of_the_pressure_asked_for_holds_at_levels():
     asked = 1e-3
     at = "fields_at: {pressure: [0.5, 2], contact_area: 0.3, separation: -1}"
