@@ -169,7 +169,7 @@ def at_level(level: Level, between: Between) -> Contact:
         end, begun = trials.known(after.state(), after.residual), target.measure(start)
         if earlier and (begun <= target.value if falls else begun >= target.value):
             return start  # a leg that begins at the level
-        if case.plastic or falls:
+        if case.plastic or falls or start.approach < trials.untouched.approach:
             return state_crossing(trials, target, start, end, brink=False)
         trials.least = start if start.contact_area_fraction > 0.0 else None
         return state_reaching(trials, target, [end] if trials.least is None else [start, end])

@@ -206,6 +206,18 @@ def test_a_level_beyond_the_loss_of_contact_is_met_without_contact(sides):
     assert area["mean_pressure"] > 0.0
 
 
+@pytest.mark.parametrize("sides", ["free", "mirrored"])
+def test_a_level_before_contact_comes_back_is_met_without_contact(sides):
+    path = "[{steps: 2, to: {free_volume: 0.5}}, {steps: 1, to: {separation: 9}}, {steps: 2, to: {free_volume: 0.8}}]"
+    text = f"surface: {{D: 2.3, m: 4, seeds: [1], sides: {sides}}}\nsweep: {path}\n"
+    result = answer(text + "record: {fields_at: {free_volume: [5, 1], contact_area: 0.05}, all_legs: true}")
+    apart, pressed = (state(result, f"free_volume={volume}, leg 3") for volume in (5, 1))
+    assert apart["free_volume"] == pytest.approx(5.0, rel=1e-6)
+    assert apart["mean_pressure"] == 0.0
+    assert pressed["free_volume"] == pytest.approx(1.0, rel=1e-5)
+    assert state(result, "contact_area=0.05, leg 3")["contact_area_fraction"] == pytest.approx(0.05, abs=2 / 289)
+
+
 def test_the_error_of_the_pressure_asked_for_holds_at_levels():
     asked = 1e-3
     at = "fields_at: {pressure: [0.5, 2], contact_area: 0.3, separation: -1}"
