@@ -157,6 +157,7 @@ def test_L_agrees_with_the_coordinates() -> None:
         ([[1.0, 2.0], [3.0]], r"no array: its rows have the shapes"),
         (xr.Dataset({"z": (("x", "y"), MAP)}), r"Dataset .* variables: z"),
         (xr.DataArray(MAP[np.newaxis], dims=("band", "y", "x")), r"band 1, y 17, x 13"),
+        (xr.DataArray(MAP, dims=("a b", "a_b")), r"a b 17, a_b 13; allowed: two with names of their own"),
         (_grid() * (1 + 1j), r"complex"),
         (_grid(unit="V"), r"'V'"),
         (_grid().assign_coords(x=("x", X**2, {"units": "um"})), r"not equidistant"),

@@ -67,9 +67,10 @@ def _of_topography(heights: Any) -> tuple[Array, Text, Coordinates]:
 
 def _of_data_array(heights: Any) -> tuple[Array, Text, Coordinates]:
     """Return an array of xarray; the coordinate of one axis alone gives the spacing of both."""
-    if len(heights.dims) != 2:
-        sizes = ", ".join(f"{dim} {size}" for dim, size in heights.sizes.items()) or "none"
-        raise SurfaceError(f"heights have the dimensions {sizes}; allowed: two, as after .isel or .squeeze")
+    if len(heights.dims) != 2 or len(set(map(_name, heights.dims))) != 2:
+        sizes = ", ".join(f"{dim} {size}" for dim, size in zip(heights.dims, heights.shape, strict=True)) or "none"
+        allowed = "two with names of their own, as after .isel or .squeeze"
+        raise SurfaceError(f"heights have the dimensions {sizes}; allowed: {allowed}")
     array, unit = _numbers(heights.data)
     given = getattr(heights, "coords", {})
     along = {dim: given[dim] for dim in heights.dims if dim in given}  # xarray makes up the missing ones
