@@ -10,6 +10,8 @@ from typing import Any
 from roughvol.study.plain_data import number_text, write
 from roughvol.study.study import json_schema
 
+TYPES = {"boolean": "true or false", "number": "a number", "integer": "a whole number", "string": "text"}
+
 
 @dataclass(frozen=True)
 class Key:
@@ -49,17 +51,17 @@ def _models(schema: Any, models: Any) -> Iterator[tuple[str, Any]]:
     """Yield the mappings that a value may be, by name; one written in place has its description as name."""
     if "properties" in schema:
         yield schema.get("title") or schema.get("description", ""), schema
-    if "$ref" in schema:
-        name = schema["$ref"].rpartition("/")[2]
-        if "properties" in models[name]:
-            yield name, models[name]
-        else:
-            yield from _models(models[name], models)
-    for part in ("anyOf", "oneOf", "allOf"):
-        for inner in schema.get(part, ()):
-            yield from _models(inner, models)
+    for inner in _parts(schema, models):
+        yield from _models(inner, models)
     if isinstance(schema.get("items"), dict):
         yield from _models(schema["items"], models)
+
+
+def _parts(schema: Any, models: Any) -> list[Any]:
+    """Return the schema that another one refers to, or the schemas of which a value fits one."""
+    if "$ref" in schema:
+        return [models[schema["$ref"].rpartition("/")[2]]]
+    return [*schema.get("anyOf", ()), *schema.get("oneOf", ())]
 
 
 def _values(schema: Any, models: Any) -> str:
@@ -73,33 +75,24 @@ def _values(schema: Any, models: Any) -> str:
 
 def _each(schema: Any, models: Any) -> Iterator[str]:
     """Yield every form that a value may have."""
-    for part in ("anyOf", "oneOf", "allOf"):
-        if part in schema:
-            for inner in schema[part]:
-                yield from _each(inner, models)
-            return
-    if "$ref" in schema or "properties" in schema:
-        model = models[schema["$ref"].rpartition("/")[2]] if "$ref" in schema else schema
-        if "properties" in model:
-            yield "a mapping"
-        else:
-            yield from _each(model, models)
+    kind = schema.get("type")
+    if kind == "object":
+        yield "a mapping"
+    elif parts := _parts(schema, models):
+        for part in parts:
+            yield from _each(part, models)
     elif "const" in schema:
         yield f"'{schema['const']}'"
     elif "enum" in schema:
         yield " or ".join(f"'{value}'" for value in schema["enum"])
-    elif schema.get("type") == "array":
-        parts = [_values(inner, models) for inner in schema.get("prefixItems", ())]
+    elif kind == "array":
+        each = [_values(inner, models) for inner in schema.get("prefixItems", ())]
         items = schema.get("items")
-        yield f"[{', '.join(parts)}]" if parts else f"a list of {_values(items, models)}" if items else "a list"
-    elif schema.get("type") == "object":
-        yield "a mapping"
-    elif schema.get("type") == "boolean":
-        yield "true or false"
-    elif schema.get("type") in ("number", "integer"):
-        yield ("a number" if schema["type"] == "number" else "a whole number") + _bounds(schema)
-    elif schema.get("type") == "string":
-        yield f"a number with a unit, as {schema['examples'][0]}" if "examples" in schema else "text"
+        yield f"[{', '.join(each)}]" if each else f"a list of {_values(items, models)}" if items else "a list"
+    elif "examples" in schema:
+        yield f"a number with a unit, as {schema['examples'][0]}"
+    elif kind in TYPES:
+        yield TYPES[kind] + _bounds(schema)
 
 
 def _bounds(schema: Any) -> str:
