@@ -270,21 +270,17 @@ class Arguments:
         return f"{self.call}: {argument}" if self.call else argument
 
 
+@dataclass
 class Places:
     """Where the keys of a study stand: lines of a file, the option --set, or arguments of a call.
 
-    All are equal: they are no part of the identity of a study.
+    All are equal: they are no part of the identity of a study. ``changed`` has the keys and sections of --set.
     """
 
-    def __init__(self, file: str = "", lines: dict[str, int] | None = None, arguments: Arguments | None = None) -> None:
-        self.file, self.lines, self.arguments = file, lines or {}, arguments
-        self.changed: tuple[str, ...] = ()  # keys and sections of --set
-
-    def __eq__(self, other: object) -> bool:
-        """Return True for any two."""
-        return isinstance(other, Places)
-
-    __hash__ = None  # type: ignore[assignment]
+    file: str = field(default="", compare=False)
+    lines: Mapping[str, int] = field(default_factory=dict, compare=False)
+    arguments: Arguments | None = field(default=None, compare=False)
+    changed: tuple[str, ...] = field(default=(), compare=False)
 
     def of(self, problem: Problem) -> Problem:
         """Return a problem with its place. A missing key gets the line of its mapping."""
@@ -295,8 +291,6 @@ class Places:
             return replace(problem, file=CHANGES)
         if self.arguments is not None:
             return replace(problem, argument=self.arguments.of(problem.key))
-        if not self.file:
-            return problem
         while key and key not in self.lines:
             key = key.rpartition(".")[0]
         return replace(problem, line=self.lines.get(key), file=self.file)
