@@ -241,20 +241,12 @@ def _unknown(path: KeyPath, data: Any, of: Models) -> tuple[str, str | None]:
     return f"unknown key{hint}; allowed: {', '.join(known)}", near
 
 
-def _models(*models: type[BaseModel], path: KeyPath = ()) -> Iterator[tuple[KeyPath, tuple[type[BaseModel], ...]]]:
-    """Yield the key path of every mapping with its possible models."""
-    yield path, models
-    for model in models:
-        for name, key in model.model_fields.items():
-            nested = tuple(models_in(key.annotation))
-            if nested:
-                yield from _models(*nested, path=(*path, name))
-
-
 @functools.cache
-def models_of(study: type[BaseModel]) -> Models:
-    """Return the possible models of every mapping of a study."""
-    found: dict[KeyPath, tuple[type[BaseModel], ...]] = {}
-    for path, models in _models(study):
-        found[path] = tuple(dict.fromkeys((*found.get(path, ()), *models)))
+def models_of(*models: type[BaseModel], path: KeyPath = ()) -> Models:
+    """Return the possible models of every mapping inside a mapping of these models, as a study."""
+    found: dict[KeyPath, tuple[type[BaseModel], ...]] = {path: models}
+    for name, key in ((name, key) for model in models for name, key in model.model_fields.items()):
+        if nested := tuple(models_in(key.annotation)):
+            for place, inner in models_of(*nested, path=(*path, name)).items():
+                found[place] = tuple(dict.fromkeys((*found.get(place, ()), *inner)))
     return found
