@@ -794,7 +794,7 @@ def status(study: Study | Mapping[str, Any] | str | Path, *, changes: Changes = 
     try:
         whole, folder = study_of(study, changes)
     except StudyError:  # its height files may be gone: a finished run does not need them
-        kept = run.folder_with_study(study) if isinstance(study, str | Path) and not changes else None
+        kept = run.folder_of_run(study) if isinstance(study, str | Path) and not changes else None
         if kept is None or (found := run_status.of_results(kept)) is None:
             raise
         return found

@@ -144,7 +144,7 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
     check_type(run, (str, Path, type(None)), "a run is a name or a path")
     given: Study | None = None
     run = _latest() if run is None else run
-    by_name = _folder_of_run(run) is not None
+    by_name = folder_of_run(run) is not None
     if is_study_file(run) or (changes and is_run(run)):
         given, folder = study_of(run, changes, stored=not gives_heights(changes))
         files = [folder / RESULTS]  # of another name, where it is changed
@@ -225,7 +225,7 @@ def study_of(run: str | Path, changes: Sequence[str] = (), *, stored: bool = Fal
     current folder. With ``stored`` they may be absent, and the study of the run makes no cases of them.
     """
     path = Path(run)
-    if folder := _folder_of_run(run):
+    if folder := folder_of_run(run):
         text = run_folder.stored_study(folder) or ""
         source = _beside_heights(text, folder)
         try:
@@ -286,14 +286,11 @@ def _beside_heights(text: str, folder: Path) -> Path:
     return folder / name if files and all(_is_file(folder / file) for file in files) else Path(name)
 
 
-def folder_with_study(run: str | Path) -> Path | None:
-    """Return the folder of a run by folder, ``study.nc`` or name; None for a study file."""
+def folder_of_run(run: str | Path) -> Path | None:
+    """Return the folder of a run by folder, ``study.nc`` or name; None for the path of another file."""
+    if _is_file(Path(run)) and Path(run).name != RESULTS:
+        return None
     return next((folder for folder in _folders(run) if _is_file(folder / "study.yaml")), None)
-
-
-def _folder_of_run(run: str | Path) -> Path | None:
-    """Return the folder of a run that a text names; None where the text is the path of another file."""
-    return None if _is_file(Path(run)) and Path(run).name != RESULTS else folder_with_study(run)
 
 
 def is_study_file(run: str | Path) -> bool:
