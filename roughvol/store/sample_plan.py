@@ -29,18 +29,11 @@ def cases_of(study: Study, folder: Path) -> dict[str, Case]:
     if study.ensemble is None:
         return {case.id: case for case in study.cases()}
     first, plan = study.ensemble.first_seed, run_folder.small_json(path(folder))
-    counts = {case.D: {case.m: 1} for case in study.cases()}
-    for D, levels in counts.items():
+    samples: list[Case] = []
+    for D, finest in {case.D: case.m for case in study.cases()}.items():
         planned = plan.get(repr(D))
-        for m, number in planned.items() if isinstance(planned, dict) else ():
+        for m, number in ({str(finest): 1} | (planned if isinstance(planned, dict) else {})).items():
             if _LEVEL.fullmatch(m) and isinstance(number, int):
-                levels[int(m)] = number
-    samples = (
-        study.sample(D, m, first + seed)
-        for D, levels in counts.items()
-        if D is not None
-        for m, number in levels.items()
-        if m is not None
-        for seed in range(number)
-    )
+                assert D is not None  # the cases of an ensemble are made
+                samples += [study.sample(D, int(m), first + seed) for seed in range(number)]
     return {case.id: case for case in samples}
