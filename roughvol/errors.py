@@ -113,14 +113,9 @@ class ContactError(RoughvolError, ValueError):
 class ConvergenceError(RoughvolError, RuntimeError):
     """A solve without convergence: indentation Δ/σ, number of iterations, residual η/σ."""
 
-    def __init__(self, message: str, *, indentation: float, iterations: int, residual: float) -> None:
+    def __init__(self, message: str, indentation: float, iterations: int, residual: float) -> None:
         self.indentation, self.iterations, self.residual = indentation, iterations, residual
         super().__init__(message, indentation, iterations, residual)
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Pickle the keyword arguments too: exceptions pickle ``args`` alone."""
-        rebuild = (self.args[0], self.indentation, self.iterations, self.residual)
-        return (_convergence_error, rebuild)
 
     def __str__(self) -> str:
         """Return the message, then the numbers."""
@@ -128,10 +123,6 @@ class ConvergenceError(RoughvolError, RuntimeError):
             f"{self.args[0]} (indentation {self.indentation:.6g}, {self.iterations} iterations, "
             f"residual {self.residual:.3g})"
         )
-
-
-def _convergence_error(message: str, indentation: float, iterations: int, residual: float) -> ConvergenceError:
-    return ConvergenceError(message, indentation=indentation, iterations=iterations, residual=residual)
 
 
 class DatasetError(RoughvolError, OSError):
