@@ -83,9 +83,9 @@ FORMER = (
 )
 
 
-def of(kind: Kind, table: tuple[Former, ...] | None = None) -> Iterator[Former]:
+def of(kind: Kind) -> Iterator[Former]:
     """Yield the former spellings of a kind."""
-    return (row for row in (FORMER if table is None else table) if row.kind == kind)
+    return (row for row in FORMER if row.kind == kind)
 
 
 def former(kind: Kind, old: str) -> Former | None:
