@@ -263,10 +263,7 @@ def _check_format(attributes: Mapping[str, str], path: Path) -> None:
 
 def _check_stamp(attributes: Mapping[str, str], labels: stamped_file.Labels, path: Path) -> None:
     """Refuse content with the stamp of another dataset. Labels of other versions, more or fewer, do not count."""
-    try:
-        own = stamped_file.labels_of(attributes)
-    except (ValueError, AttributeError) as error:  # the text of its case is none
-        raise DatasetError(f"{path} is damaged: it has no description of its case") from error
+    own = stamped_file.labels_of(attributes)
     for name in ("case", "key", "study", "format_of_answers"):
         if name in labels and name in own and labels[name] != own[name]:
             difference = f"{name} is {labels[name]!r}, in its content {own[name]!r}"
