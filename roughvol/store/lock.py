@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import fcntl
 import json
 import os
 import platform
@@ -15,11 +16,6 @@ from pathlib import Path
 from roughvol.errors import FolderError
 from roughvol.store import stamped_file
 from roughvol.store.run_folder import MAX_BYTES
-
-try:
-    import fcntl
-except ImportError:  # no locks of the system: the process named in the file decides
-    fcntl = None  # type: ignore[assignment]
 
 ATTEMPTS, PAUSE = 10, 0.1  # to take a lock: `status` holds it for a moment
 
@@ -116,14 +112,13 @@ def _acquire(path: Path) -> int:
 
 def _take(handle: int, named: Holder | None, *, shared: bool = False) -> bool:
     """Take the lock unless another process has it."""
-    if fcntl:
-        try:
-            fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-            return True
-        except BlockingIOError:
-            return False
-        except OSError:  # a file system without locks
-            pass
+    try:
+        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+        return True
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks: the process named in the file decides
+        pass
     if named is None or named.host != platform.node():
         return True
     return not (stamped_file.alive(named.pid) and (not named.birth or _birth(named.pid) == named.birth))

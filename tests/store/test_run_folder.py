@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import netCDF4
 import numpy as np
@@ -103,7 +104,7 @@ def test_the_lock_of_another_machine_is_respected(study: Study, tmp_path: Path) 
 
 @pytest.mark.parametrize("birth", ["", "1"])
 def test_without_system_locks_the_process_decides(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, birth: str) -> None:
-    monkeypatch.setattr(lock, "fcntl", None)
+    monkeypatch.setattr(lock.fcntl, "flock", Mock(side_effect=OSError))
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
     for pid, stale in ((dead.pid, True), (os.getpid(), birth == "1")):  # a later process may have the same number
