@@ -16,7 +16,6 @@ from roughvol.report import terminal
 if TYPE_CHECKING:
     from roughvol.observables.variables import Variable
     from roughvol.study import Fluid
-    from roughvol.study.reference import Key
 
 WIDTH = 100
 
@@ -46,7 +45,9 @@ def explain(name: str | None) -> None:
     if found.variable is not None:
         _say_variable(found.name, found.variable, found.stored_by)
     for key in found.keys:
-        _say_key(key)
+        default = "must be given" if key.default is None else key.default
+        facts = (("meaning", key.description), ("values", key.values), ("default", default))
+        _say_facts(key.path + (f"   ({key.form})" if key.form else ""), facts)
     if not found.name:
         say("more: roughvol explain KEY, as surface.file; roughvol explain VARIABLE, as free_volume")
     listed: dict[str, str] = {}
@@ -61,12 +62,6 @@ def _say_facts(head: str, facts: Iterable[tuple[str, str]]) -> None:
     say(head)
     for title, text in facts:
         say(textwrap.fill(text, WIDTH, initial_indent=f"  {title:10s} ", subsequent_indent=" " * 13))
-
-
-def _say_key(key: Key) -> None:
-    default = "must be given" if key.default is None else key.default
-    facts = (("meaning", key.description), ("values", key.values), ("default", default))
-    _say_facts(key.path + (f"   ({key.form})" if key.form else ""), facts)
 
 
 def _say_variable(name: str, row: Variable, stored_by: str) -> None:
