@@ -7,7 +7,6 @@ from pathlib import Path
 import roughvol
 from roughvol.cli.options import CSV, FRESH, JOBS, JSON, SET, STUDY, at, command, given, out
 from roughvol.cli.output import csv_text, say, say_json, say_table, warn_of
-from roughvol.cli.show import check_one_form
 
 
 @command(
@@ -47,7 +46,6 @@ def card(
     shows all of them. The files of a card are named by its load. --csv and --json print numbers and write no page;
     pressures are in MPa.
     """
-    check_one_form(as_csv=as_csv, as_json=as_json)
     found = roughvol.card(given(study, changes), states, out=out, jobs=jobs, fresh=fresh, changes=changes)
     if found.notice:
         say(found.notice, err=True)

@@ -7,7 +7,6 @@ import click
 import roughvol
 from roughvol.cli.options import CSV, JSON, SET, at, command, completed_runs
 from roughvol.cli.output import say_numbers, say_table, warn, warn_of
-from roughvol.cli.show import check_one_form
 
 
 @command(
@@ -28,7 +27,6 @@ def compare(
     Without --at, the loads are nominal pressures that all runs reach, or p* where one has no units. Units are those of
     the first run. The rule between steps is that of `roughvol show`.
     """
-    check_one_form(as_csv=as_csv, as_json=as_json)
     from roughvol.questions import opened
 
     runs = [opened(name, changes) for name in run]

@@ -103,8 +103,17 @@ SET = click.option(
 BUDGET = click.option("--budget", is_flag=True, help="Compute the runs of leak cards at the answer, for its errors.")
 JOBS = click.option("--jobs", "-j", type=click.IntRange(min=1), metavar="N", help="Processes [default: one a core].")
 FRESH = click.option("--fresh", is_flag=True, help="Compute every case anew, finished ones too.")
-CSV = click.option("--csv", "as_csv", is_flag=True, help="Comma-separated values.")
-JSON = click.option("--json", "as_json", is_flag=True, help="JSON with the units.")
+
+
+def _one_form(context: click.Context, _: click.Parameter, given: bool) -> bool:
+    """Refuse two forms of the numbers at once; the context has the options before this one."""
+    if given and (context.params.get("as_csv") or context.params.get("as_json")):
+        raise click.UsageError("--csv and --json exclude each other")
+    return given
+
+
+CSV = click.option("--csv", "as_csv", is_flag=True, callback=_one_form, help="Comma-separated values.")
+JSON = click.option("--json", "as_json", is_flag=True, callback=_one_form, help="JSON with the units.")
 
 
 def at(*, several: bool, default: str | None = None) -> Callable[[Decorated], Decorated]:

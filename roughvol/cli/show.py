@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import click
-
 import roughvol
 from roughvol.cli.options import CSV, JSON, RUN, SET, at, command
 from roughvol.cli.output import say, say_numbers, say_parts, say_table, warn, warn_of
@@ -27,7 +25,6 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool, 
     shown by their mean; --csv and --json have each of them. An ensemble has its means last. `roughvol explain NAME`
     describes a column.
     """
-    check_one_form(as_csv=as_csv, as_json=as_json)
     from roughvol.analysis.stored_run import Run
     from roughvol.questions import opened
     from roughvol.report import screen
@@ -48,9 +45,3 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool, 
         say_parts(named, screen.shown)
     if answer := named.dataset.attrs.get("answer"):
         say(answer)
-
-
-def check_one_form(*, as_csv: bool, as_json: bool) -> None:
-    """Refuse two forms of the numbers at once."""
-    if as_csv and as_json:
-        raise click.UsageError("--csv and --json exclude each other")
