@@ -21,6 +21,7 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import netCDF4
@@ -100,33 +101,20 @@ def case_bytes(case: Case, values: Mapping[str, ArrayLike], attributes: Mapping[
     return stamped_file.stamped(small_file.content(arrays, COORDS, attributes), stamped_file.labels_of(attributes))
 
 
-class _Later:
-    """A writer of xarray that holds the values back: HDF5 is slow where definitions and values alternate."""
-
-    def __init__(self) -> None:
-        self._held: list[tuple[Any, Any]] = []
-
-    def add(self, source: Any, target: Any, region: None = None) -> None:
-        """Hold the values of a variable."""
-        self._held.append((source, target))
-
-    def write(self) -> None:
-        """Write all values."""
-        for source, target in self._held:
-            target[...] = source
-
-
 def to_bytes(dataset: Dataset) -> bytes:
     """Return a dataset as a stamped netCDF file, made in memory."""
     arrays, labels = arrays_of(dataset), stamped_file.labels_of(dataset.attrs)
     if "case_id" in dataset.attrs and small_file.fits(arrays, SMALL):
         return stamped_file.stamped(small_file.content(arrays, COORDS, dataset.attrs), labels)
+    held: list[tuple[Any, Any]] = []  # values until all variables are defined: HDF5 is slow where both alternate
+    writer: Any = SimpleNamespace(add=lambda source, target, region=None: held.append((source, target)))
     with ONE_AT_A_TIME:
-        store, values = netCDF4.Dataset("memory.nc", "w", format="NETCDF4", memory=4096), _Later()
+        store = netCDF4.Dataset("memory.nc", "w", format="NETCDF4", memory=4096)
         store.set_fill_off()  # every value is written
         try:
-            dataset.dump_to_store(NetCDF4DataStore(store), encoding=_encoding(dataset), writer=values)
-            values.write()
+            dataset.dump_to_store(NetCDF4DataStore(store), encoding=_encoding(dataset), writer=writer)
+            for source, target in held:
+                target[...] = source
         finally:
             content = bytes(store.close())
     return stamped_file.stamped(content, labels)
