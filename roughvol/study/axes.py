@@ -74,11 +74,7 @@ class Variant(Generic[S]):
 
 def lists(data: Any) -> dict[str, list[Any]]:
     """Return the items of each axis that plain data has as a list."""
-    found = {}
-    for name in AXES:
-        if isinstance(here := _value(name, data), list | tuple):
-            found[name] = list(here)
-    return found
+    return {name: list(here) for name in AXES if isinstance(here := _value(name, data), list | tuple)}
 
 
 def _value(name: str, data: Any) -> Any:
@@ -100,9 +96,7 @@ def _ends(to: Any) -> Any:
 def without_none(data: Any) -> Any:
     """Return plain data without lists, with no value in place of the word 'none' in each key that takes it."""
     for name in LABELS_OF_NONE:
-        section, key = AXES[name]
-        here = data.get(section) if isinstance(data, dict) else None
-        if isinstance(here, dict) and here.get(key) == NONE:
+        if _value(name, data) == NONE:
             data = _with(data, AXES[name], None)
     return data
 
