@@ -2,7 +2,7 @@
 
 A question opens a run and joins rooms that do not know each other: a card computes with `campaign`, and its error is
 that of `analysis`. So this module is above the rooms, beside `plotting`, and below `cli`, which prints the answers.
-The rooms are imported in the functions: `roughvol ask` needs no solver.
+Every question needs `store` and `study`. Other rooms are imported in the functions: `roughvol ask` needs no solver.
 
 ==========  ============================================================================
 `run`       a run by name or path, a `StoredRun`, or a dataset; None is the latest run
@@ -31,6 +31,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from roughvol.errors import DatasetError, Problem, StudyError, question
+from roughvol.store import Status, StoredRun, folder_of, run_status
+from roughvol.store import run as stored_run
+from roughvol.store.run_folder import slug, slugs
+from roughvol.study import Study, changes_of, check_type, level, levels, refused
 
 if TYPE_CHECKING:
     from roughvol.analysis import read_off
@@ -44,11 +48,10 @@ if TYPE_CHECKING:
     from roughvol.report.page import Report
     from roughvol.report.screen import Compared, Records
     from roughvol.reproduction.judgement import Judgement
-    from roughvol.store import Status, StoredRun
     from roughvol.store.card_runs import CardRuns
     from roughvol.store.dataset import Dataset
     from roughvol.store.run_status import Listed
-    from roughvol.study import Fluid, Study
+    from roughvol.study import Fluid
     from roughvol.study.reference import Key
     from roughvol.surfaces.surface import Surface
     from roughvol.typing import Changes, Load, Loads, Number
@@ -56,10 +59,6 @@ if TYPE_CHECKING:
 
 def opened(run: Dataset | StoredRun | str | Path | None, changes: Changes = ()) -> StoredRun:
     """Return the run of a name, a path or a dataset in memory; None is the latest run."""
-    from roughvol.store import StoredRun
-    from roughvol.store.variants import whole
-    from roughvol.study import changes_of, check_type
-
     if run is None or isinstance(run, str | Path):
         return StoredRun.open(run, changes_of(changes))
     from roughvol.store.dataset import Dataset
@@ -71,6 +70,7 @@ def opened(run: Dataset | StoredRun | str | Path | None, changes: Changes = ()) 
         return run
     from roughvol.analysis.stored_run import Run
     from roughvol.report.figures import origin
+    from roughvol.store.variants import whole
 
     name = origin.run_name(run) or "dataset"
     return StoredRun(Path(f"{name}.nc"), Run.of(name, whole(run)).dataset)
@@ -78,8 +78,6 @@ def opened(run: Dataset | StoredRun | str | Path | None, changes: Changes = ()) 
 
 def _each_opened(runs: Iterable[Dataset | StoredRun | str | Path], changes: Changes) -> list[StoredRun]:
     """Return several runs."""
-    from roughvol.study import check_type
-
     check_type(runs, Iterable, "runs are a list of names, paths and datasets", but=(str, bytes, Mapping))
     return [opened(run, changes) for run in runs]
 
@@ -91,14 +89,13 @@ def study_of(
 
     ``of_run``: the height files of a run must be those of its results.
     """
-    from roughvol.store import folder_of, run
-    from roughvol.study import Arguments, changed, changes_of, of_data
+    from roughvol.study import Arguments, changed, of_data
 
     texts = changes_of(changes)
     if isinstance(study, str | Path):
-        found, folder = run.study_of(study, texts)
-        if of_run and not run.gives_heights(texts):
-            run.check_heights(found, study)
+        found, folder = stored_run.study_of(study, texts)
+        if of_run and not stored_run.gives_heights(texts):
+            stored_run.check_heights(found, study)
         return found, folder
     if isinstance(study, Mapping):
         _refuse_heights(study)
@@ -205,7 +202,7 @@ def ask(
     """
     from roughvol.analysis import read_off
     from roughvol.store.variants import of_one_combination, parts_of, study_in
-    from roughvol.study import level, refused, text_of_value
+    from roughvol.study import text_of_value
 
     found = opened(run, changes)
     wanted = "" if leak_rate is None else str(text_of_value(leak_rate, "leak_rate")).lstrip("<= ")
@@ -256,7 +253,6 @@ def _errors(run: StoredRun, answers: Sequence[Answer], jobs: int | None, *, clos
 def _card_at(run: StoredRun, load: str, jobs: int | None) -> Card:
     """Return the leak card of a run at a load of leg 1."""
     from roughvol.analysis import read_off
-    from roughvol.study import refused
 
     if not run.has_study:
         raise refused("the budget of the error takes runs of the study; allowed: a study file, or the name of a run")
@@ -271,7 +267,7 @@ def _leak(text: str, unit: str, kelvin: float | None, of_gas: str) -> tuple[floa
 
     ``kelvin`` is the temperature of a gas whose leak it is, ``of_gas`` the unit of the leak of the gas of the run.
     """
-    from roughvol.study import convert, read, refused, throughput
+    from roughvol.study import convert, read, throughput
     from roughvol.study.values.units import unit_of
 
     try:
@@ -353,7 +349,7 @@ def creep(
     from roughvol.analysis import creep as over_time
     from roughvol.analysis import read_off
     from roughvol.store.variants import of_one_combination
-    from roughvol.study import level, load_creep, read_times, refused
+    from roughvol.study import load_creep, read_times
 
     found = opened(run, changes)
     results = of_one_combination(found.dataset)
@@ -419,7 +415,6 @@ class Cards:
         from roughvol.analysis.leak_budget import card_of, is_reached
         from roughvol.report.card_page import Page
         from roughvol.report.card_text import Identity
-        from roughvol.store.run_folder import slug, slugs
 
         pages, changed = [], [word for change in self.changes for word in ("--set", change)]
         for ((load, words), runs), whole in zip(self.runs.items(), self.cards.values(), strict=True):
@@ -437,7 +432,6 @@ class Cards:
     def write(self) -> list[Path]:
         """Write the pages as HTML and PDF beside the runs, several with a table; return the paths of the HTML."""
         from roughvol.report import card_page
-        from roughvol.store.run_folder import slug
 
         paths = [card_page.write(page, self.folder) for page in self.pages]
         if len(paths) > 1:
@@ -502,9 +496,6 @@ def card(
     from roughvol.analysis.leak_budget import check_reached
     from roughvol.campaign import card as computed
     from roughvol.campaign import interpretation
-    from roughvol.store import folder_of
-    from roughvol.store.run_folder import slug, slugs
-    from roughvol.study import changes_of, levels
 
     done: list[int] = []  # numbers of cases computed now
     (asked, _), texts = study_of(study, changes, of_run=not fresh), changes_of(changes)
@@ -512,17 +503,17 @@ def card(
     found: dict[tuple[str, str], dict[str, CardRuns]] = {}
     cards = Cards(asked, str(study) if isinstance(study, str | Path) else asked.name, texts, folder, found)
     loads = levels(at)
-    for level, variant in itertools.product(loads, asked.variants):
+    for load, variant in itertools.product(loads, asked.variants):
         surfaces = computed.surfaces_of(variant.study)
         names = slugs(surfaces)
         accept = check_reached if len(surfaces) == 1 else lambda fine: None
         inside = folder.joinpath("runs", *map(slug, (*cards.varied, variant.words)))
-        together = computed.loads_together(level, loads)
+        together = computed.loads_together(load, loads)
         options: dict[str, Any] = {"jobs": jobs, "accept": accept, "together": together}
-        options["fresh"] = fresh and level == together[0]  # the runs of the others are the same
+        options["fresh"] = fresh and load == together[0]  # the runs of the others are the same
         options["on_event"] = lambda now: done.append(now.done)
-        found[level.label, variant.words] = {
-            name: computed.compute(one, level, inside / names[name], **options) for name, one in surfaces.items()
+        found[load.label, variant.words] = {
+            name: computed.compute(one, load, inside / names[name], **options) for name, one in surfaces.items()
         }
     return replace(cards, notice=interpretation.default_sides(asked) if any(done) else "")
 
@@ -567,7 +558,6 @@ def show(run: Dataset | StoredRun | str | Path | None = None, at: Loads = (), *,
     """
     from roughvol.analysis.stored_run import Run
     from roughvol.report import screen
-    from roughvol.study import levels
 
     found = opened(run, changes)
     return screen.records(Run.of(found.name, found.dataset), levels(at))
@@ -611,7 +601,6 @@ def compare(runs: Sequence[Dataset | StoredRun | str | Path], at: Loads = (), *,
     """
     from roughvol.analysis.stored_run import Run
     from roughvol.report import screen
-    from roughvol.study import levels
 
     stored = [Run.of(run.name, run.dataset) for run in _each_opened(runs, changes)]
     if sum(len(run.parts) for run in stored) < 2:
@@ -677,11 +666,9 @@ def report_on(runs: Sequence[str | Path] = (), *, changes: Changes = ()) -> Repo
     """
     from roughvol.reproduction.judgement import judge
     from roughvol.reproduction.sections import report_of
-    from roughvol.store import StoredRun, run
-    from roughvol.study import changes_of
 
     found, refused, texts = _each_opened(runs, changes), [], changes_of(changes)
-    for folder in () if found else run.with_results():
+    for folder in () if found else stored_run.with_results():
         try:
             found.append(StoredRun.open(folder, texts))
         except (DatasetError, StudyError) as error:
@@ -789,12 +776,10 @@ def status(study: Study | Mapping[str, Any] | str | Path, *, changes: Changes = 
     >>> len(roughvol.status("tiny").done)
     2
     """
-    from roughvol.store import run, run_status
-
     try:
         whole, folder = study_of(study, changes)
     except StudyError:  # its height files may be gone: a finished run does not need them
-        kept = run.folder_of_run(study) if isinstance(study, str | Path) and not changes else None
+        kept = stored_run.folder_of_run(study) if isinstance(study, str | Path) and not changes else None
         if kept is None or (found := run_status.of_results(kept)) is None:
             raise
         return found
@@ -831,8 +816,6 @@ def runs(folder: str | Path = "runs") -> list[Listed]:
     >>> [(run.name, run.state) for run in roughvol.runs() if run.name == "tiny"]
     [('tiny', 'finished')]
     """
-    from roughvol.store import run_status
-
     return run_status.listed(folder)
 
 
@@ -925,7 +908,7 @@ def explain(name: str | None = None) -> Explained:
     """
     from roughvol.observables.variables import QUANTITIES, columns_of, named_by
     from roughvol.store.record_key import record_key
-    from roughvol.study import Fluid, check_type
+    from roughvol.study import Fluid
     from roughvol.study.reference import keys
     from roughvol.study.sections.fluid import SUBSTANCES
 
@@ -955,14 +938,13 @@ def explain(name: str | None = None) -> Explained:
 def _own_explained(word: str) -> Explained | None:
     """Return the meaning of a quantity of a user, or of a number of its mean; None for another word."""
     from roughvol.observables.variables import MEAN_ENDS, with_means
-    from roughvol.store.run import own_quantities
     from roughvol.study.values.own import OwnQuantity, offered
 
     last = word.rpartition(":")[2]
     if ":" in word:
         known = {last: OwnQuantity(word)}
     else:
-        known = {name: OwnQuantity(name) for name in offered()} | own_quantities()
+        known = {name: OwnQuantity(name) for name in offered()} | stored_run.own_quantities()
     end = next((end for end in ("", *MEAN_ENDS) if last.endswith(end) and last.removesuffix(end) in known), None)
     if end is None:
         return None
