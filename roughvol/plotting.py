@@ -10,6 +10,10 @@ from typing import TYPE_CHECKING, Any
 from roughvol import spellings
 from roughvol.errors import DatasetError, meant
 from roughvol.questions import opened
+from roughvol.report.figures import content
+from roughvol.reproduction.figures.registry import ALL as FIGURES
+from roughvol.store.run_folder import slug
+from roughvol.study import check_type
 
 if TYPE_CHECKING:
     from roughvol.report.figures.content import Named
@@ -19,6 +23,8 @@ if TYPE_CHECKING:
     from roughvol.study import Case
     from roughvol.typing import Changes
 
+NAMES = (*FIGURES, *content.NAMES)
+"""Names of all figures: those of the paper, those of the package, those by content."""
 SHOWS_ONE = "{} shows one run; several, or lists, are overlaid in figures by content, {}"
 
 
@@ -65,9 +71,6 @@ def plot(
     >>> len(figure.axes)
     1
     """
-    from roughvol.report.figures import content
-    from roughvol.study import check_type
-
     several = isinstance(results, Mapping) and not hasattr(results, "attrs")  # a dataset is a mapping with attributes
     each: Mapping[str, Any] = results if several else {"": results}  # type: ignore[assignment]
     if not each:
@@ -91,22 +94,20 @@ def drawings(runs: Sequence[Named], wanted: Sequence[str], *, alone: bool) -> tu
     Without a figure wanted, those of `content.DRAWN` that the runs have are drawn, and of one study all others too.
     ``alone`` marks the combinations of one study.
     """
-    from roughvol.report.figures import content
-
-    table, found, refused = figures(), Draws(), list[str]()
+    found, refused = Draws(), list[str]()
     for name in wanted or [name for name in content.DRAWN if content.missing(name, runs) is None]:
-        if name in content.NAMES or name not in table:
+        if name in content.NAMES or name not in FIGURES:
             reason = content.missing(name, runs)
             if reason is None:
                 found[name] = partial(content.draw, name, runs)
         elif alone:
-            reasons = [_add(found, table[name], name, run, runs) for run in runs]
+            reasons = [_add(found, FIGURES[name], name, run, runs) for run in runs]
             reason = "\n".join(dict.fromkeys(filter(None, reasons)))
         else:
             reason = SHOWS_ONE.format(name, content.IN_WORDS)
         refused += [reason] if reason else []
     for run in runs if alone and not wanted else ():
-        reasons = [_add(found, figure, name, run, runs) for name, figure in table.items()]
+        reasons = [_add(found, figure, name, run, runs) for name, figure in FIGURES.items()]
         if all(reasons) and not found:
             raise DatasetError("\n".join(filter(None, reasons)))
     return found, refused
@@ -114,27 +115,11 @@ def drawings(runs: Sequence[Named], wanted: Sequence[str], *, alone: bool) -> tu
 
 def _add(found: Draws, figure: Figure, name: str, run: Named, runs: Sequence[Named]) -> str | None:
     """Add a figure of a run, in a folder of its combination as ``E=5_MPa/``, or return why the figure is missing."""
-    from roughvol.store.run_folder import slug
-
     reason = figure.missing(run.dataset)
     if reason is None:
         folder = f"{slug(run.name)}/" if len(runs) > 1 else ""
         found[f"{folder}{name}"] = partial(figure, run.dataset)
     return reason
-
-
-def figures() -> dict[str, Figure]:
-    """Return the figures of one run by name: those of the paper, then those of the package."""
-    from roughvol.reproduction.figures.registry import ALL
-
-    return ALL
-
-
-def names() -> tuple[str, ...]:
-    """Return the names of all figures."""
-    from roughvol.report.figures import content
-
-    return (*figures(), *content.NAMES)
 
 
 def needed(wanted: Sequence[str], cases: Sequence[Case]) -> tuple[str, ...]:
@@ -145,21 +130,19 @@ def needed(wanted: Sequence[str], cases: Sequence[Case]) -> tuple[str, ...]:
     DatasetError
         If there is no such figure; the message lists them.
     """
-    wanted, known = [name.strip() for name in wanted], figures()
+    wanted = [name.strip() for name in wanted]
     check_known(wanted)
-    ids = {case.id for name in wanted for case in (known[name].cases(cases) if name in known else cases)}
+    ids = {case.id for name in wanted for case in (FIGURES[name].cases(cases) if name in FIGURES else cases)}
     return tuple(case.id for case in cases if case.id in ids)
 
 
 def check_known(wanted: Sequence[str], runs: Sequence[Named] = ()) -> None:
     """Raise `DatasetError` for names of no figure of the runs, with the nearest name and all names."""
-    from roughvol.report.figures import content
-
-    known = [*names(), *content.own_names(runs)]
+    known = [*NAMES, *content.own_names(runs)]
     for name in wanted:
         if name not in known:
             if row := spellings.former("figure", name):
                 raise DatasetError(f"figure {name!r} {row.message}")
             raise DatasetError(
-                f"no figure {name!r}{meant(name, known)} (known: {', '.join(figures())}; {content.IN_WORDS})"
+                f"no figure {name!r}{meant(name, known)} (known: {', '.join(FIGURES)}; {content.IN_WORDS})"
             )

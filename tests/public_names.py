@@ -84,7 +84,7 @@ def public() -> dict[str, list[str]]:
         "load": {*STATE_KINDS, *SYMBOLS, "last", "step"},
         "variable": {f"{name} ({row.dims})".replace(" ()", "") + f" [{row.units}]" for name, row in VARIABLES.items()},
         "attribute": attributes,
-        "figure": set(plotting.names()),
+        "figure": set(plotting.NAMES),
         "option": set(_options()),
         "answer": answers,
         "exit code": set(map(str, codes)),

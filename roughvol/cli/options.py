@@ -61,7 +61,7 @@ def completed_figures(context: click.Context, parameter: click.Parameter, start:
     from roughvol import plotting
 
     before, comma, last = start.rpartition(",")
-    return [f"{before}{comma}{name}" for name in plotting.figures() if name.startswith(last)]
+    return [f"{before}{comma}{name}" for name in plotting.FIGURES if name.startswith(last)]
 
 
 def completed_runs_and_figures(context: click.Context, parameter: click.Parameter, start: str) -> Completed:
@@ -71,7 +71,7 @@ def completed_runs_and_figures(context: click.Context, parameter: click.Paramete
         return runs
     from roughvol import plotting
 
-    return [name for name in plotting.names() if name.startswith(start)] + [run for run in runs if isinstance(run, str)]
+    return [name for name in plotting.NAMES if name.startswith(start)] + [run for run in runs if isinstance(run, str)]
 
 
 def completed_states(context: click.Context, parameter: click.Parameter, start: str) -> Completed:

@@ -65,7 +65,7 @@ def plot(
     from roughvol.store.run import is_run, names_of
 
     inches = _inches(size)
-    wanted = [name for name in names if name in plotting.names() and not Path(name).exists()]
+    wanted = [name for name in names if name in plotting.NAMES and not Path(name).exists()]
     if any(is_run(name) for name in names if name not in wanted):
         wanted = [name for name in names if name in wanted or not is_run(name)]  # figures of a user's quantities too
     others = [name for name in names if name not in wanted]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import roughvol
 from roughvol.cli.options import FRESH, JOBS, JSON, SET, STUDY, command, completed_figures, given, out
 from roughvol.cli.output import count, is_seen, say, say_json, say_parts, warn_of
 from roughvol.errors import CampaignError
@@ -59,7 +60,6 @@ def run(
     Ctrl-C stops after the cases at work, a second one at once. The same command continues the run.
     """
     started = time.monotonic()
-    from roughvol import plotting
     from roughvol.analysis.stored_run import Run
     from roughvol.campaign import execution, signals
     from roughvol.questions import study_of
@@ -68,7 +68,7 @@ def run(
 
     loaded, folder = study_of(given(study, changes), changes)
     folder = out or folder
-    only = plotting.needed(figures.split(","), loaded.cases()) if figures else None
+    only = roughvol.plotting.needed(figures.split(","), loaded.cases()) if figures else None
     last: Progress | None = None
 
     def follow(now: Progress) -> None:
