@@ -2,7 +2,7 @@
 
 A question opens a run and joins rooms that do not know each other: a card computes with `campaign`, and its error is
 that of `analysis`. So this module is above the rooms, beside `plotting`, and below `cli`, which prints the answers.
-Every question needs `store` and `study`. Other rooms are imported in the functions: `roughvol ask` needs no solver.
+The rooms that compute, analyse and draw are imported in the functions: `roughvol ask` needs no solver.
 
 ==========  ============================================================================
 `run`       a run by name or path, a `StoredRun`, or a dataset; None is the latest run
@@ -31,10 +31,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from roughvol.errors import DatasetError, Problem, StudyError, question
+from roughvol.observables.variables import MEAN_ENDS, QUANTITIES, Variable, columns_of, named_by, with_means
 from roughvol.store import Status, StoredRun, folder_of, run_status
 from roughvol.store import run as stored_run
+from roughvol.store.record_key import record_key
 from roughvol.store.run_folder import slug, slugs
-from roughvol.study import Study, changes_of, check_type, level, levels, refused
+from roughvol.study import Fluid, Study, changes_of, check_type, level, levels, refused
+from roughvol.study.reference import Key, keys
+from roughvol.study.sections.fluid import SUBSTANCES
+from roughvol.study.values.own import OwnQuantity, offered
 
 if TYPE_CHECKING:
     from roughvol.analysis import read_off
@@ -43,7 +48,6 @@ if TYPE_CHECKING:
     from roughvol.analysis.read_off import Answer
     from roughvol.campaign.cost import Estimate
     from roughvol.ensemble.prediction import Expected
-    from roughvol.observables.variables import Variable
     from roughvol.report.card_page import Page
     from roughvol.report.page import Report
     from roughvol.report.screen import Compared, Records
@@ -51,8 +55,6 @@ if TYPE_CHECKING:
     from roughvol.store.card_runs import CardRuns
     from roughvol.store.dataset import Dataset
     from roughvol.store.run_status import Listed
-    from roughvol.study import Fluid
-    from roughvol.study.reference import Key
     from roughvol.surfaces.surface import Surface
     from roughvol.typing import Changes, Load, Loads, Number
 
@@ -906,12 +908,6 @@ def explain(name: str | None = None) -> Explained:
     >>> roughvol.explain("leak_rate").variable.symbol
     'Q_i'
     """
-    from roughvol.observables.variables import QUANTITIES, columns_of, named_by
-    from roughvol.store.record_key import record_key
-    from roughvol.study import Fluid
-    from roughvol.study.reference import keys
-    from roughvol.study.sections.fluid import SUBSTANCES
-
     check_type(name, (str, type(None)), "a name is text")
     word = (name or "").strip().strip(".")
     if not word:
@@ -937,9 +933,6 @@ def explain(name: str | None = None) -> Explained:
 
 def _own_explained(word: str) -> Explained | None:
     """Return the meaning of a quantity of a user, or of a number of its mean; None for another word."""
-    from roughvol.observables.variables import MEAN_ENDS, with_means
-    from roughvol.study.values.own import OwnQuantity, offered
-
     last = word.rpartition(":")[2]
     if ":" in word:
         known = {last: OwnQuantity(word)}
@@ -964,8 +957,4 @@ def _own_explained(word: str) -> Explained | None:
 
 def explained_names() -> list[str]:
     """Return all names that `explain` describes."""
-    from roughvol.observables.variables import QUANTITIES
-    from roughvol.study.reference import keys
-    from roughvol.study.sections.fluid import SUBSTANCES
-
     return list(dict.fromkeys([*(key.path for key in keys()), *QUANTITIES, *SUBSTANCES]))
