@@ -135,12 +135,7 @@ def flow_through(down: Array, east: Array, accuracy: float = ACCURACY, start: Ar
     the contrast asks for them. ``start`` has pressures to start from.
     """
     network = Network(between_reservoirs(down, east))
-    if start is None:
-        inflow = np.zeros(east.shape)
-        inflow[0] = down[0]  # from P = 1 at the inlet
-        u = network.start(inflow)
-    else:
-        u = start.copy()
+    u = network.start(_from_inlet(down)) if start is None else start.copy()
     nearer, inlets = np.zeros(east.shape), (1.0, 0.0)
     through, aside = np.empty(down.shape), np.empty(east.shape)
     dissipation = _fluxes(through, aside, down, east, u, nearer, inlets)
@@ -157,6 +152,13 @@ def flow_through(down: Array, east: Array, accuracy: float = ACCURACY, start: Ar
             u -= nearer
             dissipation = _fluxes(through, aside, down, east, u, nearer, inlets)
     return Flow(through, aside, dissipation, error, nearer + u)
+
+
+def _from_inlet(down: Array) -> Array:
+    """Return the inflow of each element from P = 1 at the inlet, where elements have P = 0."""
+    inflow = np.zeros_like(down[1:])
+    inflow[0] = down[0]
+    return inflow
 
 
 def between_reservoirs(down: Array, east: Array) -> Conductances:
