@@ -119,14 +119,13 @@ class HalfSpace:
         if sides not in _LEAST:
             raise ContactError(f"sides is {sides!r}; allowed: {', '.join(_LEAST)}")
         try:
-            (rows, columns), threads = map(operator.index, shape), operator.index(threads)
+            rows, columns = map(operator.index, shape)
         except (TypeError, ValueError) as error:
-            message = f"shape is {shape!r}, threads is {threads!r}; allowed: whole numbers, two in the shape"
-            raise ContactError(message) from error
+            raise ContactError(f"shape is {shape!r}; allowed: two whole numbers") from error
         self.shape, self.kernel, self.sides = (rows, columns), kernel_of(kernel), sides
         self.threads, self._tuning = threads, tuning
-        if threads < 1:
-            raise ContactError(f"threads is {threads}; allowed: at least 1")
+        if not isinstance(threads, int | np.integer) or threads < 1:
+            raise ContactError(f"threads is {threads!r}; allowed: whole numbers, at least 1")
         least = _LEAST[sides]
         if min(self.shape) < least:
             raise ContactError(f"shape is {shape}; allowed: at least {least} × {least} elements")

@@ -47,7 +47,7 @@ class Network:
         self._smallest = SMALLEST  # eigenvalue of M A that the steps have met
 
     def start(self, inflow: Array) -> Array:
-        """Return pressures to start from, which drive an inflow of each element nearly; 0 where factors follow."""
+        """Return pressures to start from, which an inflow of each element drives nearly; 0 where factors follow."""
         return np.zeros(inflow.shape) if self.exact else self._inverse.nested(inflow)
 
     def solve(self, inflow: Array) -> Array:

@@ -73,6 +73,6 @@ def state_words(at: str) -> str:
     """Return a state in symbols: p* = 0.1, or p = 0.1 MPa."""
     kind, _, value = at.partition("=")
     if kind not in STATE_KINDS:
-        return kind
+        return at
     symbol = STATE_KINDS[kind].symbol
     return f"{symbol if unit_of(parse(at).value) is None else symbol.split('/')[0].rstrip('*')} = {value}"

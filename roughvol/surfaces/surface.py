@@ -233,7 +233,7 @@ def _checked_heights(heights: ArrayLike) -> Array:
 def real(name: str, value: float, refused: type[RoughvolError] = SurfaceError) -> float:
     """Return a value as a float, or refuse anything but a real number, text and complex numbers included."""
     with contextlib.suppress(TypeError, ValueError, OverflowError):
-        if not isinstance(value, str | bytes | complex):
+        if np.asarray(value).dtype.kind not in "SUc":
             return float(value)
     raise refused(f"{name} must be a number, got {value!r}")
 

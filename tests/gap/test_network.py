@@ -53,6 +53,7 @@ def check(seed, monkeypatch, accuracies=(1e-2, 1e-4, 1e-8), near=(1e-10, 1e-10),
         flow = conduction(gap, axis, periodic=periodic, accuracy=accuracy)
         assert flow.error <= accuracy
         assert direct != SHIPPED or (flow.error > 0.0) == (exact > 0.0)  # by gradients, where something flows
+        assert flow.pressure is None or not np.any(flow.pressure[gap == 0.0])
         assert -near[0] * exact <= flow.coefficient - exact <= (flow.error + near[1]) * exact, (seed, accuracy)
     return exact > 0.0
 
@@ -81,12 +82,12 @@ def test_gaps_above_the_factorised_size_have_flows_within_their_stated_error(mon
 @pytest.mark.parametrize("name", FLOWS)
 def test_multigrid_finds_the_flow_of_the_factorisation(name, monkeypatch):
     monkeypatch.setattr(multigrid, "DIRECT", 100)
-    found = FLOWS[name](accuracy=1e-12)
+    found = FLOWS[name](accuracy=1e-11)
     monkeypatch.setattr(multigrid, "DIRECT", EVERYTHING)
-    exact = FLOWS[name](accuracy=1e-12)
+    exact = FLOWS[name](accuracy=1e-11)
     assert_allclose(getattr(found, "coefficient", found), getattr(exact, "coefficient", exact), rtol=1e-9)
     if hasattr(found, "flux"):
-        # flux in wide water costs no dissipation: its error is the root of the flow's error times the contrast, 1e6
+        # flux in wide water costs no dissipation, so it is less exact than the flow: most in the straits
         assert found.conservation_error < 1e-4
         assert_allclose(found.flux, exact.flux, rtol=1e-4, atol=1e-4 * exact.flux.max())
 
@@ -104,7 +105,7 @@ def test_a_flow_without_convergence_is_factorised_or_an_error(monkeypatch):
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 4])
-def test_a_flow_starts_from_pressures_that_dissipate_little_more_than_the_flow(seed, monkeypatch):
+def test_pressures_to_start_from_dissipate_little_more_than_the_flow(seed, monkeypatch):
     monkeypatch.setattr(multigrid, "DIRECT", 100)
     gap, _, periodic = any_gap(seed)
     down, east = faces((gap / gap.max()) ** 3 + 1e-8, periodic)
@@ -114,8 +115,14 @@ def test_a_flow_starts_from_pressures_that_dissipate_little_more_than_the_flow(s
     flow = inflow.sum() - inflow.ravel() @ spsolve(matrix, inflow.ravel())
     pressure = Network(of_faces).start(inflow).ravel()
     dissipation = inflow.sum() - 2.0 * inflow.ravel() @ pressure + pressure @ (matrix @ pressure)
-    assert flow < dissipation < 3.0 * flow
+    assert flow < dissipation < 1.3 * flow
     assert inflow.sum() > 20.0 * flow  # dissipation of the pressure 0
+
+
+def test_a_flow_without_a_state_before_starts_from_these_pressures(monkeypatch):
+    monkeypatch.setattr(multigrid, "DIRECT", 100)
+    monkeypatch.setattr(network, "STEPS", 4)  # seven from the pressure 0
+    assert conduction(rough(0.2, 1, m=7, D=2.2), 0, accuracy=1e-3).error > 0.0  # without factors
 
 
 def grid(south, east):
