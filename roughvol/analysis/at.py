@@ -269,6 +269,9 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
         old = data[name].values if name in data else np.full(there.shape, np.nan)
         attrs = group[name].attrs if name in group else {}
         data[name] = (("seed", "axis"), np.where(np.isfinite(there), there, old), attrs)
+    if (ways := leak.ways(data)) in flows:
+        for name in _of_ways(data):
+            data[name].values[flows[ways][reached + beyond] == 0.0] = 0.0
     if beyond:
         _close(data, len(reached), shut[beyond])
     apart = 1.0 if flows else _apart(group, reached, places)
@@ -317,9 +320,8 @@ def _close_where_solved(
     if P in own:
         load = np.where(np.isfinite(own[P][reached]), own[P][reached], load)
     ends = [end[:, np.newaxis] for end in _around(group, P, reached, places)]
-    lifted = (*leak.LIFTED, "open") if leak.is_lifted(data) else ()  # the fluid may keep these open
-    for name in (str(name) for name in data.data_vars if data.variables[name].dims == ("seed", "axis")):
-        if name in lifted or "step" not in group.variables[name].dims or name not in (*BY_LOGARITHM, *WAYS):
+    for name in _of_ways(data):
+        if "step" not in group.variables[name].dims:
             continue
         before, after = _around(group, name, reached, places)
         with np.errstate(divide="ignore", invalid="ignore"):  # a step may lie at the closing load
@@ -328,6 +330,13 @@ def _close_where_solved(
         inside = np.isfinite(share) & (np.minimum(before, after) == 0.0) & (last > 0.0)
         shrunk = (share > 0.0).astype(float) if name in WAYS else last * share
         data[name].values[:count][inside] = shrunk[inside]
+
+
+def _of_ways(data: Dataset) -> list[str]:
+    """Return the numbers along seed and axis that are 0 where a way of the dry gap is closed."""
+    lifted = (*leak.LIFTED, "open") if leak.is_lifted(data) else ()  # the fluid may keep these open
+    names = [name for name in (*BY_LOGARITHM, *WAYS) if name in data and name not in lifted]
+    return [name for name in names if data.variables[name].dims == ("seed", "axis")]
 
 
 def _empty(data: Dataset, group: Dataset, alone: list[int]) -> None:

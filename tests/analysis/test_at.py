@@ -268,6 +268,19 @@ def test_a_state_recorded_on_a_later_leg_is_the_state_solved_for_it(tmp_path: Pa
         assert_allclose(found.transmissivity, ds.flux_at_transmissivity.isel(flux_at=0), rtol=1e-12)
 
 
+def test_a_way_that_is_closed_at_a_recorded_state_lets_no_gas_through(tmp_path: Path) -> None:
+    """The way is open at the step before. The record of the state has the flow of the liquid alone."""
+    text = LIFT.replace("{steps: 4, to: {pressure: 0.05 MPa}}", "{pressures: [0.05 MPa, 3 MPa]}")
+    text = text.replace("transmissivity:", "gas_flow: every-step, percolation: every-step, transmissivity:")
+    text = text.replace("[0.03 MPa, 0.05 MPa]", "0.1 MPa").replace("mm^3/s}", "mm^3/s}, gas_leak_rate: mbar*l/s")
+    ds = _made(text + "fluid: {gas: air, inlet: 2 bar, outlet: 1 bar}\n", tmp_path)
+    found = ds.roughvol.at(pressure="0.1 MPa")
+    shut = (found.open_dry == 0.0) & (ds.percolates.isel(step=0) == 1.0)
+    assert bool(shut.any())
+    for name in ("gas_leak_rate_dry", "gas_transmissivity_dry", "percolates"):
+        assert bool((found[name].where(shut, 0.0) == 0.0).all()), name
+
+
 def test_a_way_is_closed_from_its_solved_closing_load_on(tmp_path: Path) -> None:
     text = CLOSING.replace("record:", "record:\n  fields_at: {mean_gap: 0.05 um}")
     ds = _made(text, tmp_path, "{pressures: [0.02 MPa, 2 MPa]}")
