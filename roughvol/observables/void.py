@@ -179,7 +179,7 @@ def estimates(view: View) -> Values:
             view.gap, exponent, closes_at=quick_estimates.CLOSES_AT
         )
         junctions = [
-            quick_estimates.single_junction(view.gap, narrowest.gap, axis, exponent)
+            quick_estimates.single_junction(view.gap, axis, exponent, critical=narrowest.gap)
             for axis, narrowest in enumerate(view.narrowest)
         ]
         values[f"estimate_junction_{name}"] = junctions

@@ -13,7 +13,7 @@ def test_the_corrected_medium_closes_where_it_is_told_to():
         gap.ravel()[: round(closed * 400)] = 0.0
         assert (effective_medium(gap, closes_at=CLOSES_AT) > 0.0) == flows
         assert effective_medium(gap) > 0.0
-    assert (effective_medium(0.0 * gap), single_junction(0.0 * gap, 0.0, 1)) == (0.0, 0.0)
+    assert (effective_medium(0.0 * gap), single_junction(0.0 * gap, 1)) == (0.0, 0.0)
 
 
 def test_half_as_threshold_is_the_equation_of_bruggeman():
@@ -38,4 +38,4 @@ def test_the_unit_of_length_does_not_matter():
     gap = rough(0.25, 2)
     for unit in (1e-200, 1e200):
         assert effective_medium(unit * gap) == pytest.approx(effective_medium(gap), rel=1e-10)
-        assert single_junction(unit * gap, unit, 0) == pytest.approx(single_junction(gap, 1.0, 0), rel=1e-12)
+        assert single_junction(unit * gap, 0) == pytest.approx(single_junction(gap, 0), rel=1e-12)

@@ -145,7 +145,7 @@ def test_mirror_and_quarter_turn(share, exponent):
         turned = conduction(np.ascontiguousarray(other), axis, exponent)
         assert turned.coefficient == pytest.approx(found.coefficient, rel=1e-11)
         assert constriction(other, axis).gap == constriction(gap, 0).gap
-        assert single_junction(other, 1.0, axis) == pytest.approx(single_junction(gap, 1.0, 0), rel=1e-12)
+        assert single_junction(other, axis) == pytest.approx(single_junction(gap, 0), rel=1e-12)
     assert_allclose(conduction(gap.T, 1, exponent).flux, found.flux[::-1].transpose(0, 2, 1), rtol=1e-9, atol=1e-12)
 
 
@@ -237,7 +237,7 @@ def test_lakes_joined_by_narrow_straits_keep_their_flow(narrow):
     assert flow.conservation_error < 1e-7
     # two straits, each a square of k between two wide elements: 1/(2k) on either side of its centre
     if narrow < 1e-2:
-        assert flow.coefficient == pytest.approx(0.5 * single_junction(gap, narrow, 0), rel=1e-6)
+        assert flow.coefficient == pytest.approx(0.5 * single_junction(gap, 0), rel=1e-6)
 
 
 def test_a_narrow_strait_of_a_cell_carries_the_flow_of_one_junction():
