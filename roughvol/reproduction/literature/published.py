@@ -20,9 +20,12 @@ def judged(id: int, *numbers: Number) -> list[Check]:
     """Return the criteria of a row for its numbers, number by number."""
     criteria = PUBLISHED[str(id)]["criterion"]
     return [
-        Check.within(row["words"], number, limits, essential=row.get("essential", True))
+        Check.within(row["words"], number, _limits(row), essential=row.get("essential", True))
         for number in numbers
         for row in criteria
-        for limits in [(row.get("above", -math.inf), row.get("below", math.inf))]
         if number.key.startswith(row.get("number", ""))
     ]
+
+
+def _limits(row: dict[str, Any]) -> tuple[float, float]:
+    return row.get("above", -math.inf), row.get("below", math.inf)
