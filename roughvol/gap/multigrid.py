@@ -25,7 +25,7 @@ from roughvol.typing import Array, Single
 
 DIRECT = 2500  # elements; with 5000, grids of 65² take three times as long (flow.md)
 DAMPING = 0.8  # of a Jacobi sweep
-SWEEPS = 2  # after nested levels: fewer cycles, and a flux that is nearer to that of the inlet (flow.md)
+SWEEPS = 2  # of the grid after nested levels: fewer cycles, and inflow and outflow nearer to the flow (flow.md)
 # an M-matrix needs no pivoting, so the order may follow the sparsity alone
 _SPLU: dict[str, Any] = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
 Field = Array
