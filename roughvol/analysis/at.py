@@ -46,8 +46,8 @@ LEAK = "leak_rate"
 LOAD_KINDS = ("pressure", "load")
 RULE = (
     "Between steps: monotone cubics over the quantity asked for; of a flow or an opening its logarithm, at a load over "
-    "log(load). A way that closes between two steps leaks along a straight line to 0 at the second, or at its closing "
-    "load if it is solved."
+    "log(load). A way that closes between two steps leaks along a straight line to 0 at the second, or at its solved "
+    "closing load."
 )
 
 
