@@ -33,7 +33,7 @@ from roughvol.analysis.tables import number
 from roughvol.analysis.units import scales
 from roughvol.errors import DatasetError
 from roughvol.observables.at_state import at_state
-from roughvol.observables.variables import AXES, OF_STATE, SOLVED, STATES, VARIABLES
+from roughvol.observables.variables import AXES, OF_STATE, OF_YIELD, SOLVED, STATES, VARIABLES
 from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, Study, convert, parse
 from roughvol.study.values.state_kinds import LOAD_OF_REGION, REACHED, slack
 from roughvol.typing import Array, Mask
@@ -486,8 +486,8 @@ def _recorded(group: Dataset, level: Level, label: str, steps: Array) -> dict[st
     stored = STATE_KINDS[level.kind].stored
     for dim in STATES:
         if dim in group.dims and label in (labels := group[dim].values.tolist()):
-            place, held = {dim: labels.index(label)}, group.variables
-            values = {name: held[key].isel(place).values for name in OF_STATE if (key := f"{dim}_{name}") in held}
+            place, held, every = {dim: labels.index(label)}, group.variables, (*OF_STATE, *OF_YIELD)
+            values = {name: held[key].isel(place).values for name in every if (key := f"{dim}_{name}") in held}
             if stored in values:
                 on_leg = np.isin(held[f"{dim}_step"].isel(place).values, steps)
                 return {name: np.where(on_leg, array, np.nan) for name, array in values.items()}

@@ -9,7 +9,6 @@ import numpy as np
 from roughvol.contact.loading import Contact
 from roughvol.observables import regions
 from roughvol.observables.regions import Values, View
-from roughvol.observables.variables import OF_YIELD
 from roughvol.study import Case
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array
@@ -23,11 +22,6 @@ def starred_hardness(case: Case, surface: Surface) -> float | None:
 def largest_pressure(case: Case, surface: Surface) -> float | None:
     """Return the largest pressure of a contact that yields, in the unit of p*; None in elastic contact."""
     return starred_hardness(case, surface) if case.plastic else None
-
-
-def shares(view: View) -> Values:
-    """Return plastic volume and yielded area."""
-    return {name: getattr(view.state, name) for name in (OF_YIELD if view.case.plastic else ())}
 
 
 def above_hardness(view: View) -> Values:

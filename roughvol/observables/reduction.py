@@ -18,21 +18,25 @@ from roughvol.observables.levels import Between, at_level, before_touch, closing
 from roughvol.observables.own import register
 from roughvol.observables.regions import Values, View, within
 from roughvol.observables.requests import asked, fields_of, value_of
-from roughvol.observables.variables import AXES, OBSERVABLES, OF_STATE, SOLVED, VARIABLES, function
+from roughvol.observables.variables import AXES, OBSERVABLES, OF_STATE, OF_YIELD, SOLVED, VARIABLES, function
 from roughvol.study import Case, Legs, Level
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array
 
 OF_SOLVER = ("iterations", "convolutions", "convolutions_fp32", "residual", "mean_pressure_bound", "converged")
-PER_STEP = (*OF_STATE, *OF_SOLVER)
 CONTENT = ("steps", "_values", "_kept", "_seconds", "_convolutions", "_pressures")
 """Attributes that make up a reduction, beside its last two states."""
 
 
+def of_state(case: Case) -> tuple[str, ...]:
+    """Return the numbers that every state has, between two steps as well."""
+    return (*OF_STATE, *OF_YIELD) if case.plastic else OF_STATE
+
+
 def numbers(view: View) -> Values:
-    """Return the numbers of every state."""
-    return {name: getattr(view.state, name) for name in PER_STEP}
+    """Return the numbers of every step."""
+    return {name: getattr(view.state, name) for name in (*of_state(view.case), *OF_SOLVER)}
 
 
 def of_surface(case: Case, surface: Surface) -> Values:
@@ -111,7 +115,7 @@ class Reduction:
             there = self._view(self._solved(level, step, whole))
             for name, label in places:
                 dim = OBSERVABLES[name].dim
-                own = {f"{dim}_{number}": getattr(there.state, number) for number in OF_STATE}
+                own = {f"{dim}_{number}": getattr(there.state, number) for number in of_state(self._case)}
                 self._kept[name][label] = step, own | self._taken(name, there)
         if value_of(self._case.record, "transport.closing") and step <= self._case.sweep.legs[0].steps:
             self._close(step, whole)
@@ -182,7 +186,7 @@ class Reduction:
             kept, dim = self._kept[name], OBSERVABLES[name].dim
             values[dim] = list(by_label)
             values[f"{dim}_step"] = [kept[label][0] if label in kept else -1 for label in by_label]
-            values |= {f"{dim}_{number}": np.full(len(by_label), np.nan) for number in OF_STATE}
+            values |= {f"{dim}_{number}": np.full(len(by_label), np.nan) for number in of_state(self._case)}
             values |= _stacked(list(by_label), {label: arrays for label, (_, arrays) in kept.items()})
         if self._at:
             values["level_convolutions"] = self._convolutions

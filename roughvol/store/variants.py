@@ -154,8 +154,9 @@ def parts_of(results: Dataset) -> list[Part]:
         if labels.keys() != set(held) or any(label not in stored[name] for name, label in labels.items()):
             continue
         others = tuple(ending for words, ending in endings.items() if words != variant.words)
-        of_others = () if variant.study.material.yields else OF_YIELD  # numbers of combinations that yield
-        part = results.sel(labels).drop_vars(held).drop_vars(of_others, errors="ignore")
+        part = results.sel(labels).drop_vars(held)
+        if not variant.study.material.yields:
+            part = part.drop_vars([name for name in part.data_vars if str(name).endswith(OF_YIELD)])
         part = part.assign_attrs(study=variant.study.stored())
         for name, of_all in lines.items():
             own = (line.removesuffix(endings[variant.words]) for line in of_all if not line.endswith(others))

@@ -22,6 +22,7 @@ from roughvol.analysis.read_off import checked
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
 from roughvol.errors import DatasetError
+from roughvol.observables.variables import OF_YIELD
 from roughvol.report.figures import content, ways
 from roughvol.report.figures.families import Family
 from roughvol.store import dataset
@@ -266,6 +267,20 @@ def test_a_state_recorded_on_a_later_leg_is_the_state_solved_for_it(tmp_path: Pa
         found = ds.roughvol.at(f"pressure=0.035 MPa{leg}")
         assert_allclose(found.free_volume, ds.flux_at_free_volume.isel(flux_at=0), rtol=1e-12)
         assert_allclose(found.transmissivity, ds.flux_at_transmissivity.isel(flux_at=0), rtol=1e-12)
+
+
+@pytest.mark.parametrize("region", ["{x: [0, 1]}", "{x: [0, 0.5]}"])
+def test_the_yield_of_a_recorded_state_is_that_of_a_leg_that_ends_there(region: str, tmp_path: Path) -> None:
+    text = (
+        "surface: {D: 2.3, m: 4, seeds: 2}\nmaterial: {E_star: 100, hardness: 2}\n"
+        f"sweep: {SWEEP}\nrecord: {{region: {region}, fields_at: {{pressure: 0.4}}}}\n"
+    )
+    one, two = "[{steps: 1, to: {pressure: 1}}]", "[{steps: 4, to: {pressure: 0.4}}, {steps: 1, to: {pressure: 1}}]"
+    found, wanted = (
+        _made(text, tmp_path / str(k), legs).roughvol.at("pressure=0.4") for k, legs in enumerate((one, two))
+    )
+    for name in OF_YIELD:
+        assert_allclose(found[name], wanted[name], rtol=1e-4)
 
 
 def test_a_way_that_is_closed_at_a_recorded_state_lets_no_gas_through(tmp_path: Path) -> None:

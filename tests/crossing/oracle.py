@@ -37,6 +37,7 @@ LOADS = {  # kind of a load: its number, and the factors to the unit of the stud
     "indentation": ("indentation", {}),
 }
 OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
+OF_YIELD = ("plastic_volume", "plastic_area_fraction")
 Numbers = dict[str, np.ndarray]
 
 
@@ -188,7 +189,7 @@ def recorded(surface: Surface, text: str) -> dict[str, float] | None:
         name, _, leg = level(text)
         name = "mean_pressure" if name == "nominal_pressure" else "free_volume" if name == "mean_gap" else name
         numbers = _on_path(surface, name, state[name], leg) or numbers
-        own = {n: state[n] for n in OF_STATE}
+        own = {n: state[n] for n in (*OF_STATE, *OF_YIELD) if n in state}
         for n, of in (("nominal_pressure", "mean_pressure"), ("mean_gap", "free_volume")):
             if n in numbers:
                 own[n] = numbers[n] / numbers[of] * state[of]

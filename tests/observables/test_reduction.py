@@ -66,7 +66,7 @@ def test_box_counts_run_from_the_contact_to_the_whole(values, contacts):
 def test_nothing_that_was_not_asked_for_is_kept(contacts):
     case = case_of("sweep: {steps: 8}")
     kept, of_surface = set(reduced(case, contacts)), set(reduction.of_surface(case, surface_of(case)))
-    assert kept == {*reduction.PER_STEP, "step", "central_pressure_ratio"}
+    assert kept == {*reduction.OF_STATE, *reduction.OF_SOLVER, "step", "central_pressure_ratio"}
     assert of_surface == {"Sq", "Sdq", "z_max", "hurst_measured", "nodes_x", "nodes_y"}
     case = case_of("sweep: {steps: 8}\nrecord: {transport: {constriction: last}}")
     more = {"axis", "coordinate", "transport_time", "observable", "observable_time"}

@@ -89,7 +89,7 @@ def test_numbers_of_surface_and_steps_are_their_attributes(stored, surface, cont
     for name, row in VARIABLES.items():
         if row.source.startswith("surfaces.surface.Surface.") and name in stored:
             assert_array_equal(stored[name], getattr(surface, row.source.rpartition(".")[2]), name)
-    for name in (*reduction.PER_STEP, "plastic_volume", "plastic_area_fraction"):
+    for name in (*reduction.OF_STATE, *reduction.OF_YIELD, *reduction.OF_SOLVER):
         assert VARIABLES[name].source == f"contact.state.Contact.{name}"
         assert_array_equal(stored[name], [getattr(contact, name) for contact in contacts], name)
 
