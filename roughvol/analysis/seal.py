@@ -298,8 +298,8 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
 
     States of a study without a seal, or with a seal smaller than its patches, stay as they are. Where fluid pressure
     lifts patches in a row by different pressures, the attribute `UNKNOWN` has the reason. A leak at a step of surfaces
-    that differ in their load there is missing, as is 0 where a surface is not known. All steps, ``surfaces``, show
-    whether x and y of height files differ.
+    that differ in their load there is missing, as is 0 where a leak of a surface is not known. All steps,
+    ``surfaces``, show whether x and y of height files differ.
     """
     try:
         patch = Patch.of(study, surfaces)
@@ -322,11 +322,12 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
         loads = states["mean_pressure"] * states["Sq"]
         spread = loads.max("seed") - loads.min("seed") <= ONE_LOAD * abs(loads).max("seed")
         have_one = spread.transpose(*leaks.dims[:-2]).values.ravel() | (states_of == 0.0).all(axis=(1, 2))
-        every = states.sizes["seed"] == surfaces.sizes["seed"]
-        values = [
-            median(patch, some, isotropic=alike, draws=draws) if one_load and (every or some.any()) else math.nan
+        known = [
+            median(patch, some, isotropic=alike, draws=draws) if one_load else math.nan
             for some, one_load in zip(states_of, have_one, strict=True)
         ]
+        every = np.isfinite(states_of).all(axis=(1, 2)) & (states.sizes["seed"] == surfaces.sizes["seed"])
+        values = np.where(every | (np.array(known) != 0.0), known, math.nan)
         median_leaks = leaks.isel(axis=0, drop=True).copy()
         median_leaks.values = np.broadcast_to(np.reshape(values, (-1, 1) if several else (1,)), median_leaks.shape)
         found[LEAKS[name]] = median_leaks.assign_attrs(symbol=QUANTITIES[LEAKS[name]].symbol, seal=words, sheets=draws)

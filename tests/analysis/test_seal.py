@@ -384,6 +384,17 @@ def test_a_seal_has_no_known_leak_beyond_a_sweep_that_ended_closed_along_one_axi
     assert "no surface is pressed to this load" in card_text.seal(of_seal)
 
 
+def test_a_seal_is_not_known_to_be_closed_where_the_sweep_of_a_patch_ended_open(tmp_path: Path) -> None:
+    """Along the flow one patch is closed. The sweep of the other patch ended before, as its way across closed."""
+    surface = "surface: {D: 2.3, m: 4, L: 0.5 mm, Sq: 0.5 um, seeds: [10, 11], sides: mirrored}"
+    text = "\n".join([surface, *TEXT.splitlines()[2:]])
+    text = text.replace(SWEEP, "steps: 3, to: {percolation: x}").replace("width: 2 mm", "width: 2 mm, flow: y")
+    ds = roughvol.run(loads(text), jobs=1, out=tmp_path)
+    state = ds.roughvol.at(pressure=float(ds.mean_pressure.max()))
+    assert_array_equal(state.leak_rate.sel(axis="y").values.ravel(), [math.nan, 0.0])
+    assert state.seal_leak_rate.isnull().all()
+
+
 def test_a_fluid_pressure_that_differs_from_patch_to_patch_is_refused(here: Path) -> None:
     text = COARSE.replace("record:", "record:\n  fluid_pressure: {inlet: 1 mbar, coupling: one-way}")
     text = text.replace("name: joint", "name: lifted")
