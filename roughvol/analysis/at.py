@@ -486,9 +486,10 @@ def _recorded(group: Dataset, level: Level, label: str, steps: Array) -> dict[st
     stored = STATE_KINDS[level.kind].stored
     for dim in STATES:
         if dim in group.dims and label in (labels := group[dim].values.tolist()):
-            place, held, every = {dim: labels.index(label)}, group.variables, (*OF_STATE, *OF_YIELD)
-            values = {name: held[key].isel(place).values for name in every if (key := f"{dim}_{name}") in held}
-            if stored in values:
+            place, held = {dim: labels.index(label)}, group.variables
+            names = [name for name in (*OF_STATE, *OF_YIELD) if name in held]  # a user may have dropped some
+            values = {name: held[key].isel(place).values for name in names if (key := f"{dim}_{name}") in held}
+            if stored in values and f"{dim}_step" in held:
                 on_leg = np.isin(held[f"{dim}_step"].isel(place).values, steps)
                 return {name: np.where(on_leg, array, np.nan) for name, array in values.items()}
     return {}

@@ -13,6 +13,7 @@ from typing import TypeVar
 import numpy as np
 from xarray import DataArray, Dataset, Variable
 
+from roughvol.errors import DatasetError
 from roughvol.observables.variables import AXES, QUANTITIES, VARIABLES
 from roughvol.study.values.state_kinds import REACHED
 from roughvol.typing import Array
@@ -24,6 +25,9 @@ DRY = tuple(name.removesuffix("_dry") for name in QUANTITIES if name.endswith("_
 """Numbers along the steps that are those of the dry gap."""
 FLOWS = tuple(name for name, row in QUANTITIES.items() if row.averaged == "median")
 """Flows, lifted and dry: 0 where a way is closed."""
+OF_STATE = tuple(f"{STATE}_{name}" for name in ("step", "mean_pressure", "free_volume"))
+OF_LIFTED = ("mean_pressure", *OF_STATE, "fluid_leak", "fluid_leak_dry")
+"""Numbers that the leaks of the lifted and of the dry gap take at a recorded state."""
 EVIDENCE = ("percolates", "critical_gap", "transmissivity", "diffusivity", "gas_transmissivity")
 """Numbers of the dry gap that are 0 where a way is closed, and only there."""
 WITHOUT = ", without fluid pressure"
@@ -61,6 +65,8 @@ def counted(ds: Dataset) -> Dataset:
     """
     if STATE not in ds.dims:
         return ds
+    if _stored(ds) and (lost := [name for name in OF_LIFTED if name not in ds]):
+        raise DatasetError(f"the dataset has no {lost[0]}; allowed: all variables of a run under fluid pressure")
     along = [name for name in DRY if name in ds and "step" in ds.variables[name].dims]
     found = {f"{name}_dry": _named_dry(name, ds.variables[name]) for name in along}
     for name in _stored(ds):
@@ -83,7 +89,7 @@ def recorded(group: Dataset, label: str, steps: Array) -> dict[str, Array]:
     Flows of the dry gap are named dry under fluid pressure. A flow is NaN where none of the steps has the state.
     """
     found: dict[str, DataArray] = {}
-    if "flux_at" in group.dims and label in group["flux_at"].values.tolist():
+    if "flux_at" in group.dims and "flux_at_step" in group and label in group["flux_at"].values.tolist():
         state, dry = group.sel(flux_at=label), "_dry" if is_lifted(group) else ""
         stored = {f"{flow}{dry}": f"flux_at_{flow}" for flow in DRY}
         there = state["flux_at_step"].isin(steps)

@@ -207,14 +207,14 @@ def checked(run: Dataset, *, leaks: bool = True) -> Dataset:
     Refused is a run whose leak is known at recorded states alone, lacks leak rates, or is of several kinds of surfaces.
     Leak rates and pressures are needed with ``leaks`` alone. A run without steps is refused as well.
     """
+    if not is_pressed(run):
+        raise refused(f"the run {lacks_states(run)}")
     if leak.is_lifted(run):
         raise refused(
             "record.fluid_pressure lifts the gap: the leak under fluid pressure is known at recorded states alone "
             f"({_recorded(run)}), and is not read off between states; roughvol show has it. More states: "
             "record.fluid_pressure.at, as {pressure: [0.1 MPa, 0.2 MPa]}"
         )
-    if not is_pressed(run):
-        raise refused(f"the run {lacks_states(run)}")
     if leaks and "leak_rate" not in run:
         if "gas_leak_rate" in run:
             unit = run["gas_leak_rate"].attrs["units"]

@@ -58,6 +58,7 @@ ENDS = (0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE)
 LONGEST = 0.25  # largest variance of the waves as long as the map over that of the highest octave
 LEAKS = {"leak_rate": "seal_leak_rate", "gas_leak_rate": "seal_gas_leak_rate"}
 UNKNOWN = "seal_unknown"  # attribute with the reason why states have no leak of the seal
+NODES = ("nodes_x", "nodes_y")
 IN_A_ROW = "fluid pressure lifts patches in a row differently"
 ONE_LOAD = 1e-4  # relative: patches at a state have one load
 MOST = 700.0  # logarithm of a factor, so that its exponential is finite
@@ -206,7 +207,9 @@ def _of_few(values: Array, isotropic: bool) -> float:
 
 def sizes_of(run: Dataset) -> list[tuple[int, int]]:
     """Return the intervals along x and y of each surface of a run."""
-    shapes = np.transpose([run[name].values.ravel() for name in ("nodes_x", "nodes_y")])
+    if lost := [name for name in NODES if name not in run]:
+        raise DatasetError(f"the dataset has no {lost[0]}; allowed: all variables of a run with a seal")
+    shapes = np.transpose([run[name].values.ravel() for name in NODES])
     known, periodic = shapes[np.isfinite(shapes).all(axis=1)].astype(int).tolist(), "periodic" in run.attrs
     return [(intervals(rows, periodic), intervals(columns, periodic)) for rows, columns in known]
 

@@ -1,5 +1,6 @@
 """``ds.roughvol``: against plain numpy, over every shape of a dataset, and its refusals."""
 
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -192,6 +193,30 @@ def test_a_choice_without_what_a_question_needs_is_refused(
     for question in (*QUESTIONS, roughvol.ask, lambda ds: roughvol.plot(ds, "fig05")):
         with pytest.raises(DatasetError, match=word):
             question(choose(swept))
+
+
+AT = {"pressure": "0.1 MPa"}
+LIFT = {"inlet": "1 mbar", "outlet": "0 mbar", "coupling": "one-way", "at": AT}
+
+
+@pytest.mark.parametrize(
+    ("change", "lost", "words"),
+    [
+        ({"record": {"fields_at": AT}}, ["indentation", "field_at_step"], ""),
+        ({"record": {"transport": {"flux_at": AT}}}, ["flux_at_step"], ""),
+        ({"seal": {"length": "1 mm", "width": "0.1 mm"}}, ["nodes_x"], "has no nodes_x; allowed: all variables"),
+        ({"record": {"fluid_pressure": LIFT}}, ["fluid_at_step"], "has no fluid_at_step; allowed: all variables"),
+        ({"record": {"fluid_pressure": LIFT}}, ["fluid_leak_dry"], "has no fluid_leak_dry; allowed: all variables"),
+    ],
+)
+def test_variables_that_a_user_dropped_are_left_out_or_named(
+    here: Path, change: dict[str, Any], lost: list[str], words: str
+) -> None:
+    surface = {"D": 2.2, "m": 3, "L": "0.1 mm", "Sq": "1 um", "seeds": 2, "sides": "mirrored"}
+    study = {"name": "all", "surface": surface, "material": {"E_star": "10 MPa"}, "sweep": {"steps": 2, "to": AT}}
+    ds = roughvol.run(study | change, jobs=1)
+    with contextlib.nullcontext() if not words else pytest.raises(DatasetError, match=words):
+        assert float(ds.drop_vars(lost).roughvol.at(AT)["mean_pressure"].min()) > 0.0
 
 
 def test_a_height_file_may_have_the_name_of_two_bodies(here: Path) -> None:
