@@ -321,6 +321,15 @@ def test_a_closed_way_leaks_at_most_what_it_does_at_the_far_end_of_its_closing_l
         assert "leak at most" in part_of(way, "solver").words
 
 
+def test_a_surface_that_closed_before_a_force_has_its_pressure(tmp_path: Path) -> None:
+    text = ONE.replace("{steps: 4, to: {pressure: 1.2}}", "{steps: 3, to: percolation}")
+    ds = _pressed(text, Level("last"), tmp_path).dataset
+    for at in ("pressure=5 MPa", f"load={5.0 * 206.25**2} uN"):
+        (surface,) = surfaces_at_load(Pressed("", ds, parse(at)))
+        assert surface.leak("x") == 0.0
+        assert surface.load == pytest.approx(5.0)
+
+
 def test_a_part_of_the_closing_load_that_is_not_known_leaves_a_closed_way_without_a_bound(tmp_path: Path) -> None:
     text = SMALL.replace("seeds: 3", "seeds: [0]")  # 17 nodes have no coarser grid
     for way in _finest(text, Level("last"), tmp_path).ways:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from xarray import Dataset
 
-from roughvol.analysis.at import state_at
+from roughvol.analysis.at import LOAD_KINDS, state_at
 from roughvol.analysis.average import Average, average
 from roughvol.analysis.closing import Span, load_of, spans
 from roughvol.analysis.derived import derived, groups
@@ -136,9 +136,9 @@ class Loaded:
 
     @property
     def load(self) -> float:
-        """Load of the state, as those of the closings; of a surface that closed before the load if it is a pressure."""
+        """Load of the state, as those of the closings; of a surface that closed before, the pressure of the level."""
         name, level = load_of(self.table), self.level
-        if math.isnan(found := self.number(name)) and level.kind == "pressure" and level.value is not None:
+        if math.isnan(found := self.number(name)) and level.kind in LOAD_KINDS and level.value is not None:
             _, starred = next(iter(scales(self.run, self.table))).starred(level.kind, level.value)
             return starred * float((self.table[name] / self.table["mean_pressure"]).max())
         return found
