@@ -131,6 +131,9 @@ class Path:
         trials = Trials(surface, self._half_space, options, after=last)
         start = trials.known(last, so_far.residual)
         begin, fell = goal.measure(start), last["indentation"] < before
+        if begin == goal.value:
+            end = target.label.removesuffix("-both")
+            raise ContactError(f"the leg begins at Δ/σ = {start.approach:g}, where its end, {end}, is reached already")
         if target.kind in ("contact_area", "pressure") and goal.value > begin and not (case.plastic or fell):
             trials.least = start
             return state_reaching(trials, goal, [start], below=True).approach

@@ -287,14 +287,12 @@ def state_crossing(
 ) -> Contact:
     """Return the first state at which a quantity reaches a value, on the way from a solved state: up or down.
 
-    `end` is a state at the value or beyond it. By default it is the first touch where the value is below that of the
-    start, and is found by steps that double where it is above. With `brink`, elements on the brink of contact do not
-    count on loading in a quantity that jumps with elements. Such a quantity may jump at first touch, at no indentation:
-    the state is found to the tolerance.
+    The start has another value. `end` is a state at the value or beyond it. By default it is the first touch where the
+    value is below that of the start, and is found by steps that double where it is above. With `brink`, elements on the
+    brink of contact do not count on loading in a quantity that jumps with elements. Such a quantity may jump at first
+    touch, at no indentation: the state is found to the tolerance.
     """
     begin, value = target.measure(start), target.value
-    if begin == value:
-        raise ContactError(f"the leg begins at Δ/σ = {start.approach:g}, where the value {value:g} is reached already")
     sign = 1.0 if value > begin else -1.0
 
     def excess(contact: Contact) -> float:
