@@ -240,12 +240,10 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
             value = own[STATE_KINDS[level.kind].stored][k]
         if level.kind == "last":
             place: float | None = float(solved[-1])
+        elif level.kind.startswith(LEAK):
+            place, over[k, offset : offset + values.size], is_load[k] = _of_leak(run, part, k, level, crossings[k])
         elif own or (place := _defined(run, level, leg, scale, solved.tolist(), turn)) is None:
             place = place_of(values, value, near, between=level.kind != "step")
-        if place is None and level.kind.startswith(LEAK):
-            place = _beside_closed(run, part, k, level, crossings[k])
-            over[k, offset : offset + values.size] = part.variables[P].transpose("seed", "step").values[k]
-            is_load[k] = True
         first = values[solved[0]]
         if place is None and is_recorded and (value > first if STATE_KINDS[level.kind].falls else value < first):
             place = float(solved[0])
@@ -464,19 +462,34 @@ def _axes(level: Level) -> list[str]:
     return list(level.kind.removeprefix(LEAK).strip("_") or AXES)
 
 
-def _beside_closed(run: Run, part: Dataset, k: int, level: Level, crossing: Array) -> float | None:
-    """Return the first place of a leak rate between an open and a closed step, on the straight line to 0; else None."""
+def _of_leak(run: Run, part: Dataset, k: int, level: Level, crossing: Array) -> tuple[float | None, Array, bool]:
+    """Return the place of a leak rate, None without one, and what numbers there follow: a load, or the log of a leak.
+
+    Between two steps it is the place from which on no way of the level leaks more. A way that closes at the second step
+    is on the straight line to 0.
+    """
     rates, value = _leak(run, part, k, level)
     loads, largest = part.variables[P].transpose("seed", "step").values[k], rates.max(axis=0)
     ends = crossing[[AXES.index(axis) for axis in _axes(level)]]
+    with np.errstate(divide="ignore"):
+        logs = np.log(rates)
+    if (step := place_of(logs.max(axis=0), math.log(value), REACHED, between=False)) is not None:
+        return step, logs.max(axis=0), False
     for before, after in itertools.pairwise(np.flatnonzero(np.isfinite(largest)).tolist()):
         low, high = sorted((before, after), key=lambda step: largest[step])
-        if largest[low] == 0.0 and largest[high] > value:
-            above = rates[:, high] > value
+        if not largest[low] < value < largest[high]:
+            continue
+        with np.errstate(invalid="ignore"):
             shares = (ends - loads[high]) / (loads[low] - loads[high])  # of the way to the closed step
-            to_0 = np.where(np.isfinite(shares), np.clip(shares, 0.0, 1.0), 1.0)[above]
-            return float(high + (to_0 * (1.0 - value / rates[above, high])).max() * (low - high))
-    return None
+        to_0 = np.where(np.isfinite(shares), np.clip(shares, 0.0, 1.0), 1.0)
+        closes = rates[:, low] == 0.0
+        with np.errstate(divide="ignore", invalid="ignore"):  # closed ways
+            open_ = (logs[:, high] - math.log(value)) / (logs[:, high] - logs[:, low])
+            places = np.where(closes, to_0 * (1.0 - value / rates[:, high]), open_)
+        last = int(np.argmax(np.where(rates[:, high] > value, places, 0.0)))
+        place = float(high + places[last] * (low - high))
+        return (place, loads, True) if closes[last] else (place, logs[last], False)
+    return None, loads, True
 
 
 def _recorded(group: Dataset, level: Level, label: str, steps: Array) -> dict[str, Array]:

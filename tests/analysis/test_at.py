@@ -395,3 +395,14 @@ def test_a_leak_is_reached_on_the_way_to_0(closing: bool, tmp_path: Path) -> Non
             assert_allclose(found.leak_rate.sel(axis="x"), rate, rtol=1e-9)
             again = ds.roughvol.at(f"pressure={found.nominal_pressure.item()} MPa, leg {leg}")
             assert_allclose(again.leak_rate, found.leak_rate, rtol=1e-9)
+
+
+@pytest.mark.parametrize("smaller", [1e-12, 0.0])
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_larger_leak_at_a_leak_rate_is_this_rate(smaller: float, order: int) -> None:
+    """One way falls below the other between two steps, on loading and unloading, or closes there."""
+    ds = roughvol.open("seal").isel(seed=[0], step=[0, 1])
+    ds["leak_rate"][...] = np.array([[1e-6, 5e-7], [smaller, 1e-8]])
+    for rate in (2e-8, 1e-7, 4e-7):
+        found = ds.isel(step=[0, 1][::order]).roughvol.at(f"leak_rate={rate} mm^3/s")
+        assert_allclose(found.leak_rate.max("axis"), rate, rtol=1e-9)
