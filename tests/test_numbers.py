@@ -83,6 +83,11 @@ def test_what_cannot_be_shown_is_refused_in_one_message(arguments: list[str], pa
     assert part in refused(*arguments)
 
 
+def test_the_loads_of_the_steps_are_in_the_unit_of_the_refused_load_also_of_none() -> None:
+    none, little = (refused("show", "dry", "--at", f"pressure={load}") for load in ("0 MPa", "1e-9 MPa"))
+    assert none.split("its steps have")[1] == little.split("its steps have")[1]
+
+
 def test_show_names_the_combinations_that_do_not_reach_a_load(here: Path) -> None:
     moduli = DRY.replace("{E_star: 10 MPa}", "{E_star: [1 MPa, 10 MPa]}")
     ran("moduli", moduli)

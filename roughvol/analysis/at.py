@@ -36,6 +36,7 @@ from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES, OF_STATE, OF_YIELD, SOLVED, STATES, VARIABLES
 from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, Study, convert, parse
 from roughvol.study.values.state_kinds import LOAD_OF_REGION, REACHED, slack
+from roughvol.study.values.units import unit_of
 from roughvol.typing import Array, Mask
 
 BY_LOGARITHM = (*leak.FLOWS, "critical_opening", "critical_opening_dry", "critical_gap")
@@ -207,7 +208,7 @@ def state_at(run: Run, group: Dataset, level: Level) -> State:
     if closed is not None:
         return closed
     reach = reach or group["step"].values.astype(float).tolist()
-    unit = f" {level.value.unit}" if isinstance(level.value, Quantity) else ""
+    unit = f" {given}" if (given := unit_of(level.value)) else ""
     raise DatasetError(
         f"{run.name} has no state at {level.label}: its steps have {level.kind} {number(min(reach))} to "
         f"{number(max(reach))}{unit}"
@@ -395,7 +396,9 @@ def _path(
     if (stored := STARRED[kind].stored) not in part:
         raise DatasetError(f"{run.name} has no {stored}; allowed: all variables of a run")
     values = part.variables[stored].transpose("seed", "step").values[k]
-    reach += (values[np.isfinite(values)] * (float(level.value) / value if value else 1.0)).tolist()
+    unit = unit_of(level.value)
+    one = 1.0 if unit is None else _starred(scale, replace(level, value=Quantity(1.0, unit)))[1]
+    reach += (values[np.isfinite(values)] / one).tolist()
     return values, value, slack(kind, value)
 
 
