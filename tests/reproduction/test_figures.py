@@ -343,7 +343,7 @@ def _joined(edges: np.ndarray, density: np.ndarray, line: np.ndarray) -> np.ndar
 def test_fig12a_keeps_the_share_of_the_stored_bins_at_m_7() -> None:
     ds = _made(D=[2.2, 2.8], m=[3, 5, 6]).assign_coords(m=[3, 7, 8])
     fig = FIGURES["fig12a"](ds)
-    assert _title(fig) == "$m = 7$"
+    assert _title(fig) == "last step\n$m = 7$"
     case = ds.sel(D=2.8, m=7).isel(seed=0, density_at=0)
     drawn = _line(fig, "$D = 2.8$")
     shares = _joined(case["volume_density_edges"].values, case["volume_density"].values, drawn)
@@ -391,8 +391,11 @@ def test_fig12_takes_the_last_state_that_was_reached(study: xr.Dataset) -> None:
     later = later.assign_coords(density_at=["contact_area=0.9"]).assign(density_at_step=unreached)
     joined = {"data_vars": "minimal", "coords": "minimal", "compat": "override", "join": "outer"}
     both = xr.concat([study, later], "density_at", **joined)
-    lines = [_line(FIGURES["fig12a"](ds), "$D = 2.1$") for ds in (both, study)]
-    np.testing.assert_array_equal(*lines)
+    figures = [FIGURES["fig12a"](ds) for ds in (both, study)]
+    np.testing.assert_array_equal(*[_line(fig, "$D = 2.1$") for fig in figures])
+    assert {_title(fig).split("\n")[0] for fig in figures} == {"last step"}
+    named = study.assign_coords(density_at=["pressure=0.5 MPa"])
+    assert _title(FIGURES["fig12b"](named)).startswith("pressure=0.5 MPa\n")
 
 
 def test_fields_are_those_of_the_state_nearest_the_contact_area_of_the_paper(study: xr.Dataset) -> None:

@@ -103,11 +103,13 @@ def _boxes(ds: Dataset, variable: str, r: str, label: str) -> tuple[Drawing, Axe
 
 
 def _densities(ds: Dataset, by: str, m: float = FINEST, *, log: bool = False) -> tuple[Drawing, Any, list[Family]]:
-    """Return a figure of f(v) at the last recorded state, its axes, and the families."""
+    """Return a figure of f(v) at the last recorded state, which its title names, its axes, and the families."""
     density = ds["volume_density"]
     stored = density.notnull().any([dim for dim in density.dims if dim != "density_at"]).values
     ds = ds.isel(density_at=int(np.flatnonzero(stored)[-1]))
-    some, title = families(ds, by, "volume_density", "volume_density_edges", m=m)
+    some, common = families(ds, by, "volume_density", "volume_density_edges", m=m)
+    label = str(ds["density_at"].item())
+    title = f"{'last step' if label == 'last' else label}\n{common}".rstrip()
     fig, ax = axes(height=3.4 if log else 3.0)
     members = [merged(*densities(family), log=log) for family in some]
     plot(ax, some, members, (volume_label(ds), density_label(ds)), title, common=True, log=log)
