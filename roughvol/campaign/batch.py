@@ -24,6 +24,7 @@ from roughvol.surfaces.surface import Surface
 
 SMALL = 0.25  # share of the available memory up to which a single worker is this process itself
 SHORT = 3.0  # expected seconds of one core up to which a run takes no processes
+SETTLED = 30.0  # seconds after which the rate of the work is known: before, it is that of the start
 TOLD_EVERY, NOTED_EVERY = 0.2, 1.0  # seconds between two messages of a case, and between two updates of progress.json
 
 
@@ -157,9 +158,12 @@ class Forecast:
         return math.fsum(self._done.values()) / self._all if self._all > 0.0 else 1.0
 
     def left(self) -> float | None:
-        """Return the seconds until the end of the run; None before any work is done."""
-        share = self.share
-        return (self._clock() - self._started) * (1.0 - share) / share if share > 0.0 else None
+        """Return the seconds until the end of the run; None while its rate is not known.
+
+        The first seconds start processes and compile flows. They take many times as long as a step.
+        """
+        share, seconds = self.share, self._clock() - self._started
+        return seconds * (1.0 - share) / share if share > 0.0 and seconds >= SETTLED else None
 
 
 class Batch:

@@ -217,7 +217,7 @@ class _Clock:
 
 
 @pytest.mark.parametrize("processes", [1, 7])
-@pytest.mark.parametrize("slower", [0.7, 4.0])
+@pytest.mark.parametrize("slower", [150.0, 400.0])
 def test_the_time_left_is_that_of_the_work_left_at_the_mean_rate(processes: int, slower: float) -> None:
     works = {f"fine{k}": 2.0 for k in range(21)} | {f"coarse{k}": 0.1 for k in range(210)}
     clock = _Clock()
@@ -234,11 +234,22 @@ def test_the_time_left_is_that_of_the_work_left_at_the_mean_rate(processes: int,
 def test_steps_of_a_case_at_work_and_later_batches_count_as_their_share() -> None:
     clock = _Clock()
     forecast = Forecast({"long": 30.0, "none": 0.0}, {"long": 10, "none": 0}, 30.0, clock)
-    clock.now = 6.0
+    clock.now = 60.0
     forecast.reached("long", 2)
-    assert (forecast.share, forecast.left()) == (pytest.approx(0.1), pytest.approx(54.0))
+    assert (forecast.share, forecast.left()) == (pytest.approx(0.1), pytest.approx(540.0))
     forecast.ended("long")
-    assert (forecast.share, forecast.left()) == (pytest.approx(0.5), pytest.approx(6.0))
+    assert (forecast.share, forecast.left()) == (pytest.approx(0.5), pytest.approx(60.0))
+
+
+def test_the_time_left_is_not_known_while_the_rate_is_that_of_the_start() -> None:
+    clock = _Clock()
+    forecast = Forecast({"case": 60.0}, {"case": 480}, clock=clock)
+    clock.now = 10.0
+    forecast.reached("case", 1)
+    assert forecast.left() is None
+    clock.now = 30.0
+    forecast.reached("case", 160)
+    assert forecast.left() == pytest.approx(60.0)
 
 
 # Too little memory

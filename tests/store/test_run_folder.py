@@ -433,7 +433,8 @@ def test_a_run_without_a_finished_case_leaves_its_folder_to_a_changed_study(tmp_
 
 
 def test_status_works_while_a_run_is_going_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("roughvol.campaign.batch.NOTED_EVERY", 0.0)
+    for name in ("NOTED_EVERY", "SETTLED"):
+        monkeypatch.setattr(f"roughvol.campaign.batch.{name}", 0.0)
     study = loads("name: s\nsurface: {D: 2.5, m: 5, seeds: 2}\nsweep: {steps: 20}")
     seen = []
     execution.run(study, out=tmp_path, jobs=1, on_event=lambda now: seen.append(run_status.status(study, tmp_path)))
