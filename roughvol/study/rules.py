@@ -206,7 +206,7 @@ def _files(study: StudyFile) -> Problems:
         if single and body.variable is not None:
             yield (*place, "variable"), f"a {suffix} file holds one array without a name: omit 'variable'"
     if surface.L is None and not _may_have_units(surface):
-        yield ("surface", "L"), f"missing, and the file has no size ({HeightFile.model_fields['L'].description})"
+        yield ("surface", "L"), f"missing, and the heights have no size ({HeightFile.model_fields['L'].description})"
 
 
 @_rule("surface.sides")

@@ -138,7 +138,7 @@ def test_L_agrees_with_the_coordinates() -> None:
         assert float(_heights(heights, L=f"{L} um").L) == L
     with pytest.raises(StudyError, match=r"^press: argument L: is 9 um, but argument heights gives 8 um \(coordinates"):
         _heights(_grid(), L="9 um")
-    with pytest.raises(StudyError, match=r"^press: argument L: missing"):
+    with pytest.raises(StudyError, match=r"^press: argument L: missing, and the heights have no size"):
         _heights(MAP)
 
 
