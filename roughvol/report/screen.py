@@ -152,7 +152,7 @@ def _exponent(group: Dataset) -> list[str]:
     """Return the error of the stiffness by the steps, and how it goes with the pressure."""
     first = first_leg(group)
     pressure, gap, stiffness = (first[name].transpose("seed", "step").values for name in (P, "free_volume", STIFFNESS))
-    fewer = without_every_second(pressure, gap)
+    fewer = without_every_second(np.where(np.isnan(stiffness), math.nan, pressure), gap)
     both = np.isfinite(stiffness) & np.isfinite(fewer) & (stiffness > 0.0)
     exponents = np.array(
         [[stiffness_exponent(p, k) for p, k in zip(pressure, values, strict=True)] for values in (stiffness, fewer)]

@@ -128,3 +128,15 @@ def test_a_run_shows_stiffness_and_conductance(tmp_path):
     )
     fig = content.draw("conductance_of_p", [content.Named("heat", results)])
     assert fig.axes[0].get_xscale() == fig.axes[0].get_yscale() == "log"
+
+
+def test_a_surface_whose_pressure_stays_leaves_the_others_their_stiffness(tmp_path):
+    """A few elements that have yielded carry the hardness, however far they are pressed."""
+    results = execution.run(loads(TEXT), jobs=1, out=tmp_path).copy(deep=True)
+    alone = derived(results.isel(seed=[0]), None).interfacial_stiffness
+    results["mean_pressure"][0, 0, 1, 1] = results["mean_pressure"][0, 0, 1, 0]
+    found = derived(results, None).interfacial_stiffness
+    assert_allclose(found.isel(seed=[0]), alone)
+    assert found.isel(seed=1).isnull().all()
+    (several,), (one,) = (screen.shown(Run("heat", ds)) for ds in (results, results.isel(seed=[0])))
+    assert one.note in several.note.replace("Mean over 2 surfaces. ", "")
