@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from roughvol.campaign import interpretation, validity
 from roughvol.campaign.one_case import FFT
 from roughvol.errors import DatasetError
@@ -44,7 +46,8 @@ def finished(folder: Path, cases: Mapping[str, Case], stopping: Callable[[], boo
         if fault := run_folder.mismatch(path, labels, run_folder.labels_for(case)):
             found.faults[id] = fault
         else:
-            found.arrays[id] = arrays
+            named = {"case": (("case",), np.array([case.label], dtype=object))} if case.file else {}
+            found.arrays[id] = arrays | named  # the file may have had another name
             found.versions[labels.get("version", "")] += 1
     return found
 

@@ -365,6 +365,20 @@ def test_a_height_file_that_was_moved_is_the_same_study(tmp_path: Path, monkeypa
         assert files_of(tmp_path / "out") == before
 
 
+def test_a_renamed_height_file_has_its_new_name_in_the_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    np.save(tmp_path / "face 1.npy", np.random.default_rng(0).normal(size=(5, 5)))
+    path = tmp_path / "map.yaml"
+    path.write_text("surface: {file: face 1.npy, L: 1.0}\nsweep: {steps: 2}\n")
+    before = execution.run(path, out=tmp_path / "out", jobs=1)
+    (tmp_path / "face 1.npy").rename(tmp_path / "face_1.npy")
+    path.write_text(path.read_text().replace("face 1", "face_1"))
+    _refuse_work(monkeypatch)
+    after = execution.run(path, out=tmp_path / "out", jobs=1)
+    assert after["case"].values.tolist() == ["face_1.npy"]
+    np.testing.assert_array_equal(after["free_volume"].values, before["free_volume"].values)
+    assert Run.of("map", after).study is not None
+
+
 @pytest.mark.parametrize("stamped", [True, False])
 def test_an_altered_study_nc_is_made_again_unparsed(study: Study, place: Path, finished: Path, stamped: bool) -> None:
     content = bytearray((place / "study.nc").read_bytes())
