@@ -249,13 +249,6 @@ def test_bad_heights_are_refused_and_nothing_is_written(here: Path) -> None:
     assert sorted(path.name for path in here.iterdir()) == ["bad.yaml", "z.txt"]
 
 
-def test_an_address_that_no_scheduler_can_have_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "s.yaml").write_text("surface: {D: 2.3, m: 3}\nsweep: {steps: 1}")
-    done = call("run", tmp_path / "s.yaml", "--scheduler", "nonsense", "--out", tmp_path / "out")
-    assert done.exit_code == 2
-    assert done.stderr.startswith("error: the scheduler's address is 'nonsense'; allowed: host:port")
-
-
 @pytest.mark.usefixtures("here")
 def test_plot_without_runs_says_how_to_make_one() -> None:
     assert "roughvol run STUDY" in refused("plot")

@@ -405,22 +405,6 @@ def test_a_card_without_units_has_the_budget_of_the_same_map_with_units(tmp_path
 # loads
 
 
-@pytest.mark.parametrize(
-    ("text", "kind", "value"),
-    [
-        ("pressure=0.02 MPa", "mean_pressure", 1.0),  # p* = p L/(E* Sq)
-        ("mean_gap=600 nm", "free_volume", 1.5),
-        ("separation=0.6 um", "separation", 1.5),
-        ("contact_area=0.1", "contact_area_fraction", 0.1),
-    ],
-)
-def test_a_load_may_have_a_unit(text: str, kind: str, value: float, tmp_path: Path) -> None:
-    small = TEXT.replace("m: 5", "m: 4").replace("seeds: 3", "seeds: 2").replace("steps: 4", "steps: 2")
-    found = _pressed(small, parse(text), tmp_path).dataset[f"flux_at_{kind}"].values
-    assert_allclose(found, value, rtol=2e-2 if kind.startswith("contact") else 1e-5)
-    assert found.shape == (1, 1, 2, 1)
-
-
 def test_each_leg_of_a_path_has_its_own_leak(tmp_path: Path) -> None:
     text = PATH.replace("MATERIAL", "E: 200 GPa, nu: 0.3, hardness: 5 GPa")
     text = text.replace("LEGS", "{steps: 2, to: {pressure: 1.0}}, {steps: 2, to: {pressure: 0.1}}")

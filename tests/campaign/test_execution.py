@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from numpy.testing import assert_array_equal
 
 from roughvol.campaign import batch, cost, workers
 from roughvol.campaign.case_surface import surface_of
@@ -249,17 +248,6 @@ def test_other_heights_are_another_study_and_fewer_files_are_the_same(tmp_path: 
     assert files_of(out) == before
     np.save(tmp_path / "b.npy", noise(2, 5, 5))
     assert run(loads(text, tmp_path / "study.yaml"), out=out, jobs=1).sizes["case"] == 2  # one of both measured again
-
-
-def test_heights_from_a_file_need_not_be_square(tmp_path: Path) -> None:
-    np.save(tmp_path / "measured.npy", noise(1, 9, 13))
-    text = "surface: {file: measured.npy, L: 4.0}\nsweep: {steps: 3}\nrecord: {heights: true, fields_at: last}"
-    result = run(loads(text, tmp_path / "study.yaml"), out=tmp_path / "out", jobs=1)
-    assert (result.heights.dims, result.free_volume.dims) == (("case", "x", "y"), ("case", "step"))
-    assert result.case.values.tolist() == ["measured.npy"]
-    assert_array_equal(result.heights[0], noise(1, 9, 13))
-    assert_array_equal(result.y, np.arange(13) / 8)
-    assert np.all(result.gap.values * result.pressure.values == 0.0)
 
 
 def test_without_a_finished_case_nothing_is_collected(study: Study, tmp_path: Path) -> None:

@@ -68,6 +68,7 @@ def test_labels_give_axes_size_and_units(name: str) -> None:
     unit, scale = ("nm", 1e3) if name == "a Topography in nm" else ("um", 1.0)
     assert (found.units, float(found.L)) == (unit, pytest.approx(8.0 * scale))
     assert_allclose(found, scale * MAP, rtol=1e-9, atol=1e-12 * scale)
+    assert_allclose(found.y, np.arange(13) / 16)  # of the length along x
 
 
 FORMS = {

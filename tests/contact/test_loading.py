@@ -152,47 +152,7 @@ def test_neither_lateral_scale_nor_height_scale_and_datum_change_anything(surfac
         assert not to_the_bit or np.array_equal(a.gap(), b.gap())
 
 
-TURNS = [
-    (kit.fractal(4, 2.5, 4), np.transpose),
-    (SURFACES["white noise"], np.rot90),
-    (SURFACES["four peaks"], np.rot90),
-]
-TURNS += [(kit.fractal(5, sides="periodic"), lambda field: np.roll(field, (11, 20), (0, 1)))]
-
-
-@pytest.mark.parametrize(("surface", "turn"), TURNS)
-def test_turned_surface_has_the_turned_solution(surface, turn):
-    """Surfaces that equal their turned selves have a symmetric solution; a period has no origin."""
-    turned = Surface(turn(surface.heights), 1.0, sides=surface.sides)
-    for a, b in zip(kit.swept(turned, STEPS, rtol=TIGHT), kit.swept(surface, STEPS, rtol=TIGHT), strict=True):
-        assert np.array_equal(a.contact(), turn(b.contact()))
-        expected = turn(kit.lattice_pressure(b))  # p* is in units of the first axis, which turns too
-        np.testing.assert_allclose(kit.lattice_pressure(a), expected, rtol=0, atol=1e-8 * (1.0 + 1e-3 * expected.max()))
-        np.testing.assert_allclose(a.gap(), turn(b.gap()), rtol=0, atol=3 * TIGHT + 1e-12)
-
-
 # ---- along a sweep
-
-
-def test_contact_sets_are_nested_pressures_rise_and_gaps_are_convex():
-    surface = kit.fractal(4, 2.9)
-    steps = tuple(np.linspace(0.2, 6.0, 25))
-    contacts = kit.swept(surface, steps, rtol=1e-11)
-    change = np.diff(kit.numbers(contacts), axis=0)
-    assert change[:, 1].min() > 0.0
-    assert change[:, 2].max() < 0.0
-    # V* falls by less than Δ rises, since the half space gives way, and lies above the rigid d/σ
-    assert (change[:, 2] + np.diff(steps)).min() > 0.0
-    assert all(c.free_volume > c.separation for c in contacts)
-    assert np.diff(change[:, 1]).min() > 0.0  # F(Δ) is convex
-    for a, b, c in zip(contacts, contacts[1:], contacts[2:], strict=False):
-        assert not (a.contact() & ~b.contact()).any()
-        assert (b.pressure() - a.pressure()).min() >= -1e-8
-        # θ = 1: the secant is a lower bound of the next gap: an element open there stays open
-        w = [k.gap() for k in (a, b, c)]
-        assert (w[0] - 2.0 * w[1] + w[2]).min() >= -1e-10
-        predicted = b.contact() | (2.0 * w[1] - w[0] < 1e-10)
-        assert not (c.contact() & ~predicted).any()
 
 
 def test_sweep_is_lazy_and_does_not_depend_on_what_comes_later():

@@ -91,15 +91,6 @@ def test_many_patches_alike_in_all_directions_conduct_their_geometric_mean():
     assert abs(np.mean(found)) < 3.0 * error < 0.12
 
 
-def test_closes_where_its_dual_opens():
-    """Void leads along the flow, or closed patches across it: so sheets close at one half of the joints."""
-    along, across = np.random.default_rng(6).random((2, 50, 4, 5))
-    dual = np.zeros((50, 4, 4))
-    dual[:, :, :3] = 1.0 - across[:, :3, :4].swapaxes(1, 2)
-    closing = sheet.closing(along, across[:, :3])
-    np.testing.assert_allclose(sheet.closing(1.0 - along.swapaxes(1, 2), dual), 1.0 - closing)
-
-
 def test_a_sheet_is_between_its_bounds():
     """Means along the flow (Wiener), columns without cross flow and lines of one pressure (Cardwell & Parsons)."""
     along, across = np.exp(logs((30, 4, 6), 14)), np.exp(logs((30, 3, 6), 15))

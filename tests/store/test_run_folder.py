@@ -525,13 +525,6 @@ def test_what_does_not_fit_is_refused_and_nothing_written(tmp_path: Path, seeds:
 
 
 @pytest.mark.usefixtures("slow_machine")
-def test_processes_are_never_promised_more_memory_than_there_is() -> None:
-    estimated = cost.estimate(loads("surface: {D: 2.4, m: 13, seeds: 2}\nsweep: {steps: 6}"), jobs=2)
-    assert (estimated.jobs, estimated.memory <= 23e9) == (1, True)
-    assert estimated.notice.startswith("1 instead of 2 processes at once")
-
-
-@pytest.mark.usefixtures("slow_machine")
 def test_a_run_of_years_is_warned_of_and_not_refused() -> None:
     study = loads("surface: {D: 2.4, m: 11, seeds: 200}\nsweep: {steps: 10000}")
     estimated = cost.estimate(study, jobs=2)
