@@ -30,11 +30,16 @@ def call(*arguments: object, **options: Any) -> Result:
     return CliRunner().invoke(main, [str(argument) for argument in arguments], **options)
 
 
+def succeeded(*arguments: object, **options: Any) -> Result:
+    """Return the end of a command that succeeds."""
+    done = call(*arguments, **options)
+    assert done.exit_code == 0, done.output
+    return done
+
+
 def said(*arguments: object) -> str:
     """Return the output of a command that succeeds."""
-    done = call(*arguments)
-    assert done.exit_code == 0, done.output
-    return done.stdout
+    return succeeded(*arguments).stdout
 
 
 def answered(*arguments: object) -> Any:

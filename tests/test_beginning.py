@@ -12,7 +12,7 @@ import roughvol
 from roughvol.observables.variables import VARIABLES
 from roughvol.study import load
 from roughvol.study.reference import keys
-from tests.kit import LEAKING, ROOT, call, python, ran, refused, said
+from tests.kit import LEAKING, ROOT, call, python, ran, refused, said, succeeded
 
 EXAMPLES = ("ensemble", "metal", "reproduce", "scan", "seal")
 pytestmark = pytest.mark.usefixtures("here")
@@ -36,8 +36,7 @@ def test_init_writes_a_study_that_is_understood(example: str) -> None:
 @pytest.mark.parametrize(("example", "load"), [("seal", "10 kPa"), ("scan", "10 kPa"), ("metal", "1 MPa")])
 def test_examples_with_units_run_without_a_warning_and_show_a_leak_rate(example: str, load: str) -> None:
     said("init", example)
-    done = call("run", f"{example}.yaml", "--jobs", "1")
-    assert done.exit_code == 0, done.output
+    done = succeeded("run", f"{example}.yaml", "--jobs", "1")
     assert "warning" not in done.output
     head, row = (line.split("  ") for line in said("show", example, "--at", f"pressure={load}").splitlines()[:2])
     assert any("Q_x [mm^3/s]" in cell for cell in head)
@@ -51,7 +50,6 @@ def _check_the_row_of_the_first_tutorial() -> None:
     page = (ROOT / "docs/tutorials/first-study.md").read_text(encoding="utf-8")
     (shown,) = re.findall(r"^roughvol (show seal --at .*)$", page, re.MULTILINE)
     there = re.search(r"^state  .*\npressure=.*$", page, re.MULTILINE)
-    assert there is not None
     for line, whole in zip(there[0].splitlines(), said(*shown.split()).splitlines()[:2], strict=True):
         cells = re.split(r" {2,}| … *", line)  # … stands for the columns left out
         assert re.match(" .*".join(map(re.escape, cells)), whole)

@@ -16,7 +16,7 @@ from roughvol.cli import main
 from roughvol.errors import FolderError
 from roughvol.store import dataset
 from tests.campaign.kit import values_of
-from tests.kit import LEAKING, call, python, ran, refused, said
+from tests.kit import LEAKING, call, python, ran, refused, said, succeeded
 
 TEXT = """
 name: tiny
@@ -32,8 +32,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a study file and what `roughvol run` made of it under runs/."""
     place = tmp_path_factory.mktemp("place")
     (place / "tiny.yaml").write_text(TEXT)
-    done = call("run", place / "tiny.yaml", "--jobs", "2", "--out", place / "runs" / "tiny")
-    assert done.exit_code == 0, done.output
+    done = succeeded("run", place / "tiny.yaml", "--jobs", "2", "--out", place / "runs" / "tiny")
     (place / "stdout.txt").write_text(done.stdout)
     (place / "stderr.txt").write_text(done.stderr)
     return place

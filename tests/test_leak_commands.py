@@ -12,7 +12,7 @@ from roughvol.analysis import leak_curve
 from roughvol.campaign import card as card_runs
 from roughvol.store import dataset
 from roughvol.surfaces.midpoint import random_midpoint_displacement
-from tests.kit import LEAKING, LEAKING_GAS, ROOT, answered, call, ran, refused, said
+from tests.kit import LEAKING, LEAKING_GAS, ROOT, answered, call, ran, refused, said, succeeded
 
 pytestmark = pytest.mark.usefixtures("here")
 CREEP = ("--law", "creep.yaml", "--at")
@@ -43,7 +43,6 @@ def test_a_stored_sweep_answers_with_a_pressure() -> None:
     assert re.search(r"along x: any pressure of 0\.\d+ MPa or more: the first known load leaks less", least)
     asked_for = ("ask", "scan", "--leak-rate", "1 m^3/s", "--for", "modulus", "--at", "pressure=1 kPa")
     match = re.search(r"any modulus up to E\* = (\S+) MPa: the first known load, p\* = ", said(*asked_for))
-    assert match
     first = answered(*asked_for)["answers"][0]["nominal_pressure_steps"][1]
     assert float(match[1]) * first == pytest.approx(1e-3 * 10.0 / (1.0 - 0.5**2), rel=1e-3)  # p* of the first step
     never = said("ask", "scan", "--leak-rate", "1e-30 mm^3/s", "--for", "modulus", "--at", "pressure=1 kPa")
@@ -118,7 +117,6 @@ def test_a_closing_with_a_budget_is_solved_and_has_the_interval_of_the_card() ->
         low, high = steps["interval"]
         assert low <= answer["value"]
         assert high is None or answer["value"] <= high  # a sweep that ends before this way closes
-        assert way["closing_pressure_interval"] is not None
         assert answer["interval"] == pytest.approx(way["closing_pressure_interval"], rel=1e-9)
         assert answer["errors"][1:] == ["solver", "grid", "window", "levelling"]
 
@@ -199,8 +197,7 @@ def test_several_height_files_are_said_to_be_samples_of_one_joint() -> None:
 @pytest.mark.usefixtures("_creeping")
 def test_creep_of_a_closed_seal_draws_nothing() -> None:
     ran("tight", LEAKING.replace("{steps: 8, to: {pressure: 0.5 MPa}}", "{pressures: [1 MPa, 3 MPa]}"))
-    shown = call("creep", "tight", *CREEP, "pressure=1.5 MPa", "--times", "1 s, 1 h")
-    assert shown.exit_code == 0, shown.output
+    shown = succeeded("creep", "tight", *CREEP, "pressure=1.5 MPa", "--times", "1 s, 1 h")
     assert "no figure is drawn" in shown.output
     assert not Path("runs/tight/creep.png").exists()
 
@@ -209,7 +206,6 @@ def test_creep_of_a_closed_seal_draws_nothing() -> None:
 def test_the_page_of_read_offs_has_what_its_commands_print() -> None:
     page = (ROOT / "docs/how-to/read-offs.md").read_text(encoding="utf-8")
     law = re.search(r"^prony: [^#]*", page, re.MULTILINE)
-    assert law is not None
     Path("creep.yaml").write_text(law[0], encoding="utf-8")
     for example in ("seal", "scan"):
         said("init", example)

@@ -14,7 +14,7 @@ from roughvol.cli.plot import _check_room, _shaped
 from roughvol.errors import DatasetError
 from roughvol.report.figures import yielding
 from roughvol.report.figures.style import STYLE, axes
-from tests.kit import LEAKING, LEAKING_GAS, call, ran, refused, said
+from tests.kit import LEAKING, LEAKING_GAS, call, ran, refused, said, succeeded
 
 TWO = LEAKING.replace("seeds: 1", "seeds: [2, 5]")
 LOOPS = TWO.replace(
@@ -130,8 +130,7 @@ def test_the_numbers_of_the_pressure_on_top_of_a_logarithmic_axis_do_not_overlap
 @pytest.mark.parametrize("suffix", ["png", "csv"])
 def test_a_figure_that_does_not_apply_is_named_and_the_others_are_drawn(tmp_path: Path, suffix: str) -> None:
     names = ("fig09", "v_of_p", "leak_of_p", "fig05", "seal_percolation")
-    done = call("plot", "plain", *names, "--format", suffix, "--out", tmp_path)
-    assert done.exit_code == 0, done.output
+    done = succeeded("plot", "plain", *names, "--format", suffix, "--out", tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"fig05.{suffix}", f"v_of_p.{suffix}"]
     told = done.stderr.splitlines()
     keys = ("record.fields_at", "record.dimensional.leak_rate", "record.transport.percolation")
@@ -157,8 +156,7 @@ def test_a_figure_that_any_of_several_quantities_would_do_names_each_key_once() 
 
 
 def test_a_figure_of_one_run_does_not_stop_those_of_two(tmp_path: Path) -> None:
-    done = call("plot", "plain", "leaking", "fig05", "v_of_a", "--out", tmp_path)
-    assert done.exit_code == 0, done.output
+    done = succeeded("plot", "plain", "leaking", "fig05", "v_of_a", "--out", tmp_path)
     assert "fig05 shows one run" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["v_of_a.png"]
 

@@ -16,7 +16,7 @@ from roughvol.study import loads, of_data
 from roughvol.study.reference import keys
 from roughvol.surfaces import Surface
 from tests import public_names
-from tests.kit import call, refused
+from tests.kit import call, refused, succeeded
 
 STUDY = "surface: {D: 2.3, m: 3, seeds: 1%s}\nsweep: {steps: 0}\n"
 LATER = "99.0.0"
@@ -53,8 +53,7 @@ def test_both_spellings_agree() -> None:
 @pytest.mark.usefixtures("here")
 def test_a_command_warns_once_and_a_run_of_its_own_does_not() -> None:
     Path("old.yaml").write_text(STUDY % ", periodic: true", encoding="utf-8")
-    done = call("run", "old.yaml")
-    assert done.exit_code == 0, done.output
+    done = succeeded("run", "old.yaml")
     assert done.stderr.count("warning: old.yaml:1: surface.periodic: ") == 1
     stored = Path("runs/old/study.yaml")
     stored.write_text(stored.read_text(encoding="utf-8").replace("sides: periodic", "periodic: true"), encoding="utf-8")
@@ -70,7 +69,6 @@ def test_what_left_is_refused_with_the_new_spelling(monkeypatch: pytest.MonkeyPa
         plotting.check_known(["answer_cost"])
     with pytest.warns(RoughvolDeprecation, match="HalfSpace"), pytest.raises(AttributeError, match="left with"):
         _ = roughvol.contact.PeriodicHalfSpace
-    assert PERIODIC is not None
     _known(monkeypatch, replace(PERIODIC, until="0.1.0"))
     with pytest.raises(StudyError, match=r"surface.periodic: left with version 0.1.0; in its place: surface"):
         loads(STUDY % ", periodic: true")
@@ -85,8 +83,7 @@ def test_a_former_option_and_name_work_with_a_warning(monkeypatch: pytest.Monkey
     )
     Path("s.yaml").write_text(STUDY % "", encoding="utf-8")
     for words in (("--change", "surface.m=4"), ("--change=surface.m=4",)):
-        done = call("check", "s.yaml", *words)
-        assert done.exit_code == 0, done.output
+        done = succeeded("check", "s.yaml", *words)
         assert f"warning: --change is the former spelling of --set, and works until version {LATER}" in done.stderr
         assert "17 x 17 nodes" in done.stdout
     with pytest.warns(RoughvolDeprecation, match="contact.Body is the former spelling of roughvol.contact.H"):

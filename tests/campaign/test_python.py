@@ -19,7 +19,7 @@ from roughvol.errors import FolderError, StudyError
 from roughvol.store import lock
 from roughvol.study import loads, of_data
 from tests.campaign.kit import table
-from tests.kit import call, refused
+from tests.kit import call, refused, succeeded
 
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -76,8 +76,7 @@ def test_a_change_without_meaning_is_refused(change: str, part: str) -> None:
 
 
 def test_a_study_comes_from_standard_input() -> None:
-    done = call("run", "-", "--set", "name=piped", "--jobs", "1", input=TINY)
-    assert done.exit_code == 0, done.output
+    succeeded("run", "-", "--set", "name=piped", "--jobs", "1", input=TINY)
     assert Path("runs/piped/study.nc").is_file()
     assert "<stdin>:1: surface.D" in call("check", "-", input="surface: {D: 9, m: 3}").stderr
 

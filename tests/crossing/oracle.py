@@ -51,6 +51,7 @@ class Surface:
     Sq: float = math.nan
     seed: int = 0
     ends: str = ""
+    labels: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass
@@ -59,7 +60,6 @@ class Group:
 
     words: tuple[str, ...]
     surfaces: list[Surface]
-    labels: dict[str, Any]
 
 
 def groups(
@@ -67,25 +67,22 @@ def groups(
 ) -> list[Group]:
     """Return the surfaces of a study.nc that share a row; ``ends`` is the target of the sweep."""
     found = []
+    names = [*lists, *(["case"] if "case" in ds.dims else ["D", "m", "seed"])]
     for chosen in itertools.product(*(ds[name].values.tolist() for name in lists)):
         part = ds.sel(dict(zip(lists, chosen, strict=True)))
         E = modulus if isinstance(modulus, float) else modulus[chosen[0]]
         words = tuple(_words(name, value, ds[name]) for name, value in zip(lists, chosen, strict=True))
-        labels = dict(zip(lists, chosen, strict=True))
         if "case" in ds.dims:
-            rows = [((case,), {"case": case}, [part.sel(case=case)]) for case in ds["case"].values.tolist()]
+            rows = [(case, [part.sel(case=case)]) for case in ds["case"].values.tolist()]
         else:
-            rows = [
-                ((f"D = {D:g}, m = {m}",), {"D": D, "m": m}, [part.sel(D=D, m=m, seed=seed) for seed in ds["seed"]])
-                for D in ds["D"].values.tolist()
-                for m in ds["m"].values.tolist()
-            ]
-        for own, names, surfaces in rows:
+            pairs = itertools.product(ds["D"].values.tolist(), ds["m"].values.tolist())
+            rows = [(f"D = {D:g}, m = {m}", [part.sel(D=D, m=m, seed=seed) for seed in ds["seed"]]) for D, m in pairs]
+        for own, surfaces in rows:
             solved = [one for one in surfaces if "mean_pressure" in one and bool(one["mean_pressure"].notnull().any())]
+            named = [(one, {name: one[name].item() for name in names}) for one in solved]
             if solved:
-                found.append(
-                    Group((*words, *own), [replace(_surface(one, E), ends=ends) for one in solved], labels | names)
-                )
+                made = [replace(_surface(one, E), ends=ends, labels=labels) for one, labels in named]
+                found.append(Group((*words, own), made))
     return found
 
 

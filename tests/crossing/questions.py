@@ -26,11 +26,10 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
-from click.testing import CliRunner
 
 import roughvol
-from roughvol.cli import main
 from roughvol.errors import RoughvolError
+from tests import kit
 from tests.crossing import oracle
 from tests.crossing.kinds import BY_NAME, Kind
 from tests.crossing.oracle import Group, Surface
@@ -155,7 +154,7 @@ def call(made: Made, *arguments: str) -> str:
     """Return what a command prints; raise `Refused` where it refuses."""
     arguments += tuple(word for change in made.kind.changes for word in ("--set", change))
     with contextlib.chdir(made.folder):
-        done = CliRunner().invoke(main, list(arguments))
+        done = kit.call(*arguments)
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         raise AssertionError("".join(traceback.format_exception(done.exception)))
     if done.exit_code == 2:
@@ -179,12 +178,18 @@ def python(made: Made) -> Iterator[None]:
             raise Refused(str(error)) from error
 
 
-def alike(made: Made, found: Any, answer: Callable[[], Any]) -> None:
+def alike(made: Made, found: Any, function: Callable[..., Any], *of: Any, **options: Any) -> None:
     """Compare the JSON of a command with the answer of a Python function, which the command prints for every kind."""
     if made.kind.name not in IN_PYTHON:
         return
     with python(made):
-        assert json.loads(json.dumps(answer())) == found
+        answer = function(*of, **options, changes=made.kind.changes)
+        if function in (roughvol.show, roughvol.compare):
+            names, rows, _ = answer if function is roughvol.show else answer.records()
+            plain = [dict(zip(names, row, strict=True)) for row in rows]
+        else:
+            plain = answer.plain()
+        assert json.loads(json.dumps(plain)) == found
 
 
 # tables of text
@@ -337,24 +342,22 @@ def check_rows(made: Made, rows: Sequence[dict[str, Any]], labels: Sequence[str]
     """Compare the rows of single surfaces; every surface that has a state has a row."""
     count = 0
     expected = 0
-    for group in made.groups:
-        for surface in group.surfaces:
-            names = group.labels | ({} if "case" in group.labels else {"seed": surface.seed})
-            own = [row for row in rows if all(_same(row[name], label) for name, label in names.items())]
-            states = _states_of(surface, labels)
-            assert len(own) == len(states), (names, len(own), len(states))
-            expected += len(states)
-            for row, state in zip(own, states, strict=True):
-                numbers = _with_seal(made.kind, state) or {}
-                for name, value in row.items():
-                    if name in (*names, "step", "state", STIFFNESS):
-                        continue
-                    wanted = surface.legs[int(row["step"]) - 1] if name == "leg" else numbers.get(name, math.nan)
-                    assert name == "leg" or name in numbers or value is None, f"{name} has no number in the oracle"
-                    found = math.nan if value is None else float(value)
-                    wanted = wanted if math.isfinite(wanted) else math.nan  # a Knudsen number of a closed way
-                    close(found, wanted, f"{names}, {name}", within=TIGHT, flow=oracle.is_flow(name))
-                    count += value is not None
+    for surface in made.surfaces:
+        own = [row for row in rows if all(_same(row[name], label) for name, label in surface.labels.items())]
+        states = _states_of(surface, labels)
+        assert len(own) == len(states), (surface.labels, len(own), len(states))
+        expected += len(states)
+        for row, state in zip(own, states, strict=True):
+            numbers = _with_seal(made.kind, state) or {}
+            for name, value in row.items():
+                if name in (*surface.labels, "step", "state", STIFFNESS):
+                    continue
+                wanted = surface.legs[int(row["step"]) - 1] if name == "leg" else numbers.get(name, math.nan)
+                assert name == "leg" or name in numbers or value is None, f"{name} has no number in the oracle"
+                found = math.nan if value is None else float(value)
+                wanted = wanted if math.isfinite(wanted) else math.nan  # a Knudsen number of a closed way
+                close(found, wanted, f"{surface.labels}, {name}", within=TIGHT, flow=oracle.is_flow(name))
+                count += value is not None
     assert len(rows) == expected
     return count
 
@@ -436,16 +439,8 @@ def show_json(made: Made) -> int:
     every = json.loads(call(made, "show", made.kind.asked, "--json"))
     some = json.loads(call(made, "show", made.kind.asked, "--json", *_at(made)))
     for found, loads in ((every, ()), (some, made.kind.at)):
-        alike(
-            made,
-            found["rows"],
-            lambda loads=loads: _rows(*roughvol.show(made.kind.asked, loads, changes=made.kind.changes)[:2]),
-        )
+        alike(made, found["rows"], roughvol.show, made.kind.asked, loads)
     return check_rows(made, every["rows"], ()) + check_rows(made, some["rows"], made.kind.at)
-
-
-def _rows(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> list[dict[str, Any]]:
-    return [dict(zip(names, row, strict=True)) for row in rows]
 
 
 def show_csv(made: Made) -> int:
@@ -476,11 +471,7 @@ def compare_json(made: Made) -> int:
     beside, load = made.kind.beside
     other = made.beside
     found = json.loads(call(made, "compare", made.kind.asked, beside, "--at", load, "--json"))["rows"]
-    alike(
-        made,
-        found,
-        lambda: _rows(*roughvol.compare([made.kind.asked, beside], [load], changes=made.kind.changes).records()[:2]),
-    )
+    alike(made, found, roughvol.compare, [made.kind.asked, beside], [load])
     assert len(found) == len(made.groups) + len(other.groups)
     count = 0
     for row in found:
@@ -537,19 +528,17 @@ def at_python(made: Made) -> int:
     for label in made.kind.at:
         with python(made):
             found = roughvol.open(made.kind.asked, changes=made.kind.changes).roughvol.at(label)
-        for group in made.groups:
-            for surface in group.surfaces:
-                labels = group.labels | ({} if "case" in group.labels else {"seed": surface.seed})
-                own = found.sel({name: value for name, value in labels.items() if name in found.dims})
-                numbers = oracle.recorded(surface, label)
-                if numbers is None:
-                    assert not bool(own["reached"]), labels
-                    assert math.isnan(float(own["mean_pressure"])), labels
-                    continue
-                for name in numbers.keys() & set(map(str, own.data_vars)) - {"leg", STIFFNESS}:
-                    wanted = numbers[name] if math.isfinite(numbers[name]) else math.nan
-                    close(float(own[name]), wanted, f"{labels}, {name}", within=TIGHT, flow=oracle.is_flow(name))
-                    count += math.isfinite(wanted)
+        for surface in made.surfaces:
+            own = found.sel({name: value for name, value in surface.labels.items() if name in found.dims})
+            numbers = oracle.recorded(surface, label)
+            if numbers is None:
+                assert not bool(own["reached"]), surface.labels
+                assert math.isnan(float(own["mean_pressure"])), surface.labels
+                continue
+            for name in numbers.keys() & set(map(str, own.data_vars)) - {"leg", STIFFNESS}:
+                wanted = numbers[name] if math.isfinite(numbers[name]) else math.nan
+                close(float(own[name]), wanted, f"{surface.labels}, {name}", within=TIGHT, flow=oracle.is_flow(name))
+                count += math.isfinite(wanted)
     return count
 
 
@@ -708,7 +697,7 @@ def report(made: Made) -> int:
         *_, page = call(made, "report", made.kind.asked).splitlines()
     folder = (made.folder / page).parent
     data = json.loads((folder / "claims.json").read_text(encoding="utf-8"))
-    alike(made, data, lambda: roughvol.report_on([made.kind.asked], changes=made.kind.changes).plain())
+    alike(made, data, roughvol.report_on, [made.kind.asked])
     text = (folder / "report.md").read_text(encoding="utf-8")
     count = 0
     for run in data["surfaces"]:
@@ -883,11 +872,7 @@ def ask(made: Made) -> int:
         leak = step[1] if step else 1e-9
         words = ("--leak-rate", f"{leak!r} {unit}")
         answer = json.loads(call(made, "ask", made.kind.asked, *words, "--json"))
-        alike(
-            made,
-            answer,
-            lambda given=words[1]: roughvol.ask(made.kind.asked, leak_rate=given, changes=made.kind.changes).plain(),
-        )
+        alike(made, answer, roughvol.ask, made.kind.asked, leak_rate=words[1])
         found = answer["answers"]
         count += sum(_check_answer(answer, paths, leak) for answer in found)
         if step is None:
@@ -959,7 +944,7 @@ def _ask_others(made: Made, axis: str, step: tuple[float, float, int], paths: Se
 def ask_closed(made: Made) -> int:
     """The loads between which the last way of all surfaces closes, `roughvol ask RUN --closed`."""
     answers = json.loads(call(made, "ask", made.kind.asked, "--closed", "--json"))
-    alike(made, answers, lambda: roughvol.ask(made.kind.asked, changes=made.kind.changes).plain())
+    alike(made, answers, roughvol.ask, made.kind.asked)
     found = answers["answers"]
     for answer in found:
         spans = [oracle.closing(surface, answer["axis"]) for surface in made.surfaces]
@@ -1031,7 +1016,7 @@ def card(made: Made) -> int:
     """Load, leaks and closing loads of the leak card, `roughvol card STUDY --at LOAD --json`."""
     load = made.kind.card
     found = json.loads(call(made, "card", made.kind.file, "--at", load, "--jobs", "1", "--json"))
-    alike(made, found, lambda: roughvol.card(made.kind.file, load, jobs=1, changes=made.kind.changes).plain())
+    alike(made, found, roughvol.card, made.kind.file, load, jobs=1)
     own = made
     if made.kind.afterwards:  # a card is of the study and the files as they are now
         call(made, "run", made.kind.file, "--out", "runs/now", "--fresh", "--jobs", "1")

@@ -7,7 +7,6 @@ from types import ModuleType
 import click
 import pytest
 import yaml
-from click.testing import CliRunner
 
 import roughvol
 from roughvol.analysis.accessor import Accessor
@@ -17,6 +16,7 @@ from roughvol.study.sections.record import Record
 from tests.crossing.kinds import BY_NAME, KINDS, write
 from tests.crossing.questions import QUESTIONS, Made, Refused
 from tests.crossing.table import CELLS, NOT_ASKED, PAGE, TOGETHER, cell, page
+from tests.kit import said
 
 PLACES = [(question, kind.name) for kind in KINDS for question in QUESTIONS]
 
@@ -32,10 +32,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Made]:
         one = Made(kind, folder)
         write(folder, kind.files)
         (folder / kind.file).write_text(kind.study, encoding="utf-8")
-        arguments = ["run", str(folder / kind.file), "--jobs", "1", "--out", str(one.file.parent)]
-        done = CliRunner().invoke(main, arguments)
-        assert done.exit_code == 0, done.output
-        one.printed = done.stdout
+        one.printed = said("run", folder / kind.file, "--jobs", "1", "--out", one.file.parent)
         write(folder, kind.afterwards)
         return one
 

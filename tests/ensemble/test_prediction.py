@@ -7,7 +7,7 @@ from roughvol.ensemble import prediction
 from roughvol.ensemble.step_error import StepErrors
 from roughvol.study import loads
 from tests.ensemble.kit import drawn, driven, made
-from tests.kit import call
+from tests.kit import succeeded
 
 SURFACE = "surface: {D: 2.3, m: 4}\nsweep: {steps: 6}\n"
 ASKED = {
@@ -44,7 +44,6 @@ def test_finer_levels_need_fewer_samples() -> None:
 
 def test_check_prints_the_expected_ensemble(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(prediction, "SEEDS", 8)
-    done = call("check", "-", "--jobs", "1", input=SURFACE.replace("m: 4", "m: 3") + ASKED["V*"])
-    assert done.exit_code == 0, done.output
+    done = succeeded("check", "-", "--jobs", "1", input=SURFACE.replace("m: 4", "m: 3") + ASKED["V*"])
     assert "surfaces without a solve, 6 steps: " in done.output
     assert "plain Monte Carlo: " in done.output

@@ -13,7 +13,7 @@ from roughvol.report.figures.style import Drawing
 from roughvol.store import StoredRun, run_folder, same_study
 from roughvol.study import loads
 from roughvol.study.axes import choices
-from tests.kit import LEAKING, call, refused, said
+from tests.kit import LEAKING, refused, said, succeeded
 
 TEXT = LEAKING.replace("{steps: 8, to: {pressure: 0.5 MPa}}", "{pressures: [0.1 MPa, 0.2 MPa]}")
 SCAN = TEXT.replace("{D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}", "{file: heights.txt, L: 100 um, heights_unit: um}")
@@ -266,8 +266,7 @@ def test_a_moved_run_of_height_files_opens_in_parts(many: Path, of_lists: Path) 
 def test_a_run_of_a_part_says_that_study_nc_has_its_cases_alone(of_lists: Path, here: Path) -> None:
     shutil.copytree(of_lists, here, dirs_exist_ok=True)
     spelled = [change.replace("0.4 MPa", "400 kPa") for change in CHANGES]
-    done = call("run", "many.yaml", *_set(*spelled), "--jobs", "1")
-    assert done.exit_code == 0, done.output
+    done = succeeded("run", "many.yaml", *_set(*spelled), "--jobs", "1")
     assert roughvol.open("many", changes=CHANGES)["mean_pressure"].size > 0  # the run has the values as they were
     assert (
         "runs/many/study.nc gets the cases of this study alone; runs/many/cases keeps files of other cases: "

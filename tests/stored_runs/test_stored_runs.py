@@ -17,7 +17,7 @@ import pytest
 
 import roughvol
 from roughvol.report import page
-from tests.kit import call, refused, said
+from tests.kit import call, refused, said, succeeded
 from tests.stored_runs.archive import VERSIONS, studies, unpack
 
 CASES = [(version, name) for version in VERSIONS for name in studies(version)]
@@ -179,8 +179,7 @@ def test_the_same_study_goes_on_or_means_the_same(here: dict[str, Any], name: st
         assert "surface.sides" in refused("show", f"{name}.yaml")
     out = tmp_path / "run"  # a copy: other tests read the run
     shutil.copytree(folder, out, copy_function=shutil.copyfile)
-    done = call("run", f"{name}.yaml", *sides, "--out", out, "--jobs", "1")
-    assert done.exit_code == 0, done.output
+    done = succeeded("run", f"{name}.yaml", *sides, "--out", out, "--jobs", "1")
     kept = {path.name for path in out.glob("cases/*.nc")} | {path.name for path in out.glob("cases/set_aside/*.nc")}
     assert {*stored} <= kept
     if aside := list(out.glob("cases/set_aside/*.nc")):

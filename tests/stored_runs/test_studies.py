@@ -13,7 +13,7 @@ from roughvol import spellings
 from roughvol.errors import RoughvolDeprecation, StudyError
 from roughvol.study import loads
 from roughvol.study.reference import keys
-from tests.kit import call
+from tests.kit import call, succeeded
 from tests.stored_runs.archive import of_oldest
 
 OLDEST = of_oldest()
@@ -79,8 +79,7 @@ def test_the_default_of_height_files_that_changed_is_said(here: Path) -> None:
     said = "surface.sides is not given: height files are mirrored at their sides; before version 0.16"
     for sides, times in (("", 1), (", sides: mirrored", 0)):
         Path("s.yaml").write_text(text % sides, encoding="utf-8")
-        done = call("run", "s.yaml", "--fresh")
-        assert done.exit_code == 0, done.output
+        done = succeeded("run", "s.yaml", "--fresh")
         assert done.stderr.count(said) == times
         assert said not in call("run", "s.yaml").stderr  # nothing is computed
     Path("s.yaml").write_text(text % "", encoding="utf-8")
