@@ -8,10 +8,8 @@ import pytest
 from roughvol.cli.group import GROUPS
 from tests.kit import call
 
-ROOT = Path(__file__).parents[1]
 COMMANDS = [name for rows in GROUPS.values() for name in rows]
-DOCS = ROOT / "docs"
-NOTEBOOKS = ("ensemble", "my-scan", "reproduce")
+DOCS = Path(__file__).parents[1] / "docs"
 
 
 def _entries(page: Path) -> list[str]:
@@ -48,7 +46,7 @@ def test_the_site_copies_no_page_of_the_repository() -> None:
         assert len(text.splitlines()) <= 3
 
 
-@pytest.mark.parametrize("name", NOTEBOOKS)
+@pytest.mark.parametrize("name", ["ensemble", "my-scan", "reproduce"])
 def test_a_notebook_is_text_without_outputs_and_its_cells_are_python(name: str) -> None:
     text = (DOCS / "tutorials" / f"{name}.md").read_text(encoding="utf-8")
     assert text.startswith("---\nfile_format: mystnb\n")

@@ -21,16 +21,11 @@ from roughvol.errors import StudyError
 from roughvol.report.figures.creep import drawing_of
 from roughvol.store.dataset import Dataset
 from roughvol.study import Creep, load_creep, loads, read_times
+from tests.analysis.kit import RUBBER
 from tests.kit import LEAKING_GAS, answered, ran, refused, said
 
-TEXT = """name: rubber
-surface: {D: 2.2, m: 6, seeds: 2, L: 200 um, Sq: 0.4 um}
-material: {E_star: 10 MPa}
-sweep: {steps: 24, to: {pressure: 2.0}}
-record:
-  transport: {transmissivity: every-step}
-  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
-"""
+TEXT = RUBBER.replace("name: seal", "name: rubber").replace("m: 4", "m: 6").replace("10 mbar", "1 mbar")
+TEXT = TEXT.replace("steps: 20, to: {pressure: 1.2}", "steps: 24, to: {pressure: 2.0}")
 PRONY = "prony: {shares: [0.5, 0.5], times: [10 s, 1 h]}"
 MATERIAL = loads(TEXT).material
 

@@ -20,18 +20,11 @@ from roughvol.errors import StudyError
 from roughvol.observables.at_state import at_state
 from roughvol.store.dataset import Dataset
 from roughvol.study import loads, parse
+from tests.analysis.kit import RUBBER
 from tests.bench.read_off import measured
 from tests.kit import LEAKING, answered, ran, refused, said
 
-TEXT = """name: seal
-surface: {D: 2.2, m: 4, seeds: 2, L: 200 um, Sq: 0.4 um}
-material: {E_star: 10 MPa}
-sweep: {steps: 20, to: {pressure: 1.2}}
-solver: {rtol: 1.0e-9}
-record:
-  transport: {transmissivity: every-step}
-  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 10 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}
-"""
+TEXT = RUBBER + "solver: {rtol: 1.0e-9}\n"
 ALONE = TEXT.replace("seeds: 2", "seeds: 1")
 CLOSES = TEXT.replace("seeds: 2", "seeds: 3").replace("steps: 20, to: {pressure: 1.2}", "to: percolation")
 CREEP = {"power": {"exponent": 0.1, "time": "1 s"}}

@@ -189,7 +189,6 @@ def test_a_seal_of_sixteen_known_patches_leaks_as_its_whole_gap(height: float, f
 def test_a_seal_is_no_part_of_a_case_and_may_change_afterwards() -> None:
     plain = loads(TEXT.partition("seal:")[0])
     assert [case.id for case in loads(TEXT).cases()] == [case.id for case in plain.cases()]
-    assert loads(TEXT).seal is not None
     assert loads(TEXT).seal.patches((0.5, 0.5), "mm") == (4, 240)
 
 
@@ -203,14 +202,12 @@ def cards(tmp_path_factory: pytest.TempPathFactory) -> Cards:
 
 def _card(text: str, at: str, folder: Path) -> tuple[Card, SealLeak]:
     (card,) = roughvol.card(loads(text), at, out=folder, jobs=1).cards.values()
-    assert card.seal is not None
     return card, card.seal
 
 
 def test_the_card_of_a_seal(cards: Cards) -> None:
     (card,) = cards.cards.values()
     found, plain = card.seal, card.plain()["seal"]
-    assert found is not None
     assert found.patches == (4, 240)
     leaks = np.array([one.leaks for one in card.surfaces])
     assert leaks.min() < found.leak / 60.0 < leaks.max()  # 60 squares
@@ -226,7 +223,6 @@ def test_the_seal_of_a_run_at_a_load_leaks_as_on_its_card(cards: Cards) -> None:
     (card,) = cards.cards.values()
     (runs,) = next(iter(cards.runs.values())).values()
     fine = runs.fine.dataset
-    assert card.seal is not None
     run = Run.of("joint", fine)
     of_steps, of_load = screen.records(run).frame(), screen.records(run, [parse(AT)]).frame()
     assert_allclose(of_load["seal_leak_rate"], card.seal.leak, rtol=1e-9)
@@ -256,7 +252,6 @@ def test_unloaded_patches_have_one_load(tmp_path: Path) -> None:
 def test_a_gas_leaks_through_a_seal_as_much_more_as_through_its_patches() -> None:
     """Its throughput goes with p², and the sheet is that of the liquid."""
     study = loads(TEXT)
-    assert study.seal is not None
     patch = seal.Patch(study.seal, (0.5, 0.5), "mm", 1.0)
     leaks = np.vstack([patches(3, 1.0, 0)[:, 0], [[math.nan, 1.0]]])  # the last surface is not known
     found = [seal.median(patch, of * leaks, isotropic=True) for of in (1.0, 7.0)]
@@ -298,7 +293,6 @@ def test_surfaces_made_alike_are_turned_whatever_their_flows(
     differ = run.assign(transmissivity=flows.where(flows["axis"] == "x", 1e-3 * flows))
     surfaces = [differ.isel(D=0, m=0, seed=[k]) for k in range(3)]
     patch = seal.Patch.of(study, run)
-    assert patch is not None
     assert patch.is_isotropic(surfaces) is alike
     assert not patch.is_isotropic(surfaces[:1])
 
@@ -503,7 +497,6 @@ def test_ways_across_a_single_row_play_no_part_in_the_closing_load(tmp_path: Pat
     assert np.isnan(ds.closing_pressure.sel(axis="x")).any()
     (asked,) = roughvol.ask(ds).answers
     (card,) = roughvol.card(study, "pressure=0.002 MPa", out=tmp_path / "card", jobs=1).cards.values()
-    assert card.seal is not None
     assert card.seal.closing == pytest.approx(asked.value)
 
 

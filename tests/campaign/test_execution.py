@@ -358,7 +358,6 @@ def test_a_second_signal_ends_a_run_at_once(tmp_path: Path, number: signal.Signa
     while process.poll() is None and not (note.exists() and '"running": ["' in note.read_text()):
         time.sleep(0.02)
     os.kill(process.pid, signal.SIGINT)
-    assert process.stderr is not None
     while "stopping after the cases" not in (line := process.stderr.readline()):
         assert line
     os.kill(process.pid, number)

@@ -99,7 +99,6 @@ def test_a_fine_generated_surface_is_shown_by_numbers_alone() -> None:
     fine, coarse = (loads(f"surface: {{D: 2.3, m: {m}, L: 1 um, Sq: 2 nm}}") for m in (11, 4))
     assert interpretation.shown(fine, None) is None
     surface = interpretation.shown(coarse, None)
-    assert surface is not None
     np.testing.assert_allclose(surface.Sq, 2e-3)
 
 

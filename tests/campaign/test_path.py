@@ -33,7 +33,6 @@ SCALE = 10.0 * 1.0 / 100.0  # MPa: E* Sq/L
 AREA = (17 * 100.0 / 16) ** 2  # um², of all elements
 ELEMENT = 1.0 / 17**2
 HARD = "material: {E_star: 1.0, hardness: 0.05}\n"
-YIELDING = UNITS.replace("10 MPa}", "10 MPa, hardness: 2 MPa}")
 PATH = "sweep: [{steps: 4, to: {pressure: 1.5}}, {steps: 3, to: {pressure: 0.4}}, {steps: 3, to: {indentation: 2.5}}]\n"
 
 
@@ -411,14 +410,13 @@ def test_a_height_file_is_one_period() -> None:
 MIDPOINT = "surface: {D: 2.4, m: 4, seeds: 1, sides: periodic}\n"
 BODIES = "file: z.npy, L: 1, against: {file: z.npy, mirror: x}, sides: periodic"
 HALF = "sweep: {steps: 2, to: {contact_area: 0.5}}\n"
-UP_AND_DOWN = "sweep: [{steps: 2, to: {separation: 0.6}}, {steps: 1, to: {separation: 1.0}}]\n"
 FLOWS = "transport: {percolation: every-step, transmissivity: last, cell_transmissivity: last, constriction: last}"
 TEXTURE = "texture: true, psd: {at: last}, box_counting: {}, volume_density: {bins: 5}"
 WORKS = {
     "two bodies": f"surface: {{{BODIES}, outliers: {{}}, missing: interpolate}}\n{HALF}record: {{texture: true}}",
     "the paper's algorithm": MIDPOINT + HALF + "solver: {method: paper}",
     "plastic, fourier, region": "surface: {H: 0.7, n: 16, rolloff: 2, seeds: 1, sides: periodic}\n"
-    + UP_AND_DOWN
+    + "sweep: [{steps: 2, to: {separation: 0.6}}, {steps: 1, to: {separation: 1.0}}]\n"
     + HARD
     + "solver: {kernel: fourier}\nrecord: {residual_heights: true, texture: true, region: interior, psd: true}",
     "void, hardness that only reports": MIDPOINT + HALF + "material: {E_star: 1, hardness: 0.3, plastic: false}\n"
@@ -451,7 +449,7 @@ STARTS = {
     "plain+ ": PLAIN,
     "units+ ": UNITS,
     "leaking+ ": UNITS + LEAKING,
-    "yielding+ ": YIELDING,
+    "yielding+ ": UNITS.replace("10 MPa}", "10 MPa, hardness: 2 MPa}"),
     "period+ ": PERIOD,
     "hard period+ ": PERIOD + HARD,
 }

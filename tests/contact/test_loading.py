@@ -21,7 +21,6 @@ from roughvol.surfaces.surface import Surface
 from tests.contact import kit
 from tests.refused import refusals
 
-ROOT = Path(__file__).parents[2]
 generator = kit.random(20)
 axis = np.arange(11.0) - 5.0
 peaks = np.full((13, 13), -1.0)
@@ -401,7 +400,7 @@ def test_a_contact_set_that_goes_in_circles_is_left_to_conjugate_gradients(monke
 
 def reference_states():
     """Surface, Δ/σ, p* and g/σ of solved states: tests/reference/make_cases.py (Cholesky), and other codes if there."""
-    with np.load(ROOT / "tests" / "reference" / "rough_33x25.npz") as case:
+    with np.load(Path(__file__).parents[2] / "tests" / "reference" / "rough_33x25.npz") as case:
         surface, E_star = Surface(case["z"], float(case["dx"])), float(case["E_star"])
         for number in range(3):
             pressure = case["pressure"][number] * surface.side / (E_star * surface.Sq)

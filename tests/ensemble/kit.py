@@ -39,8 +39,6 @@ def made(values: Mapping[int, float], spread: float = 0.1) -> Compute:
     def of(cases: Sequence[Case]) -> dict[str, Arrays]:
         found: dict[str, Arrays] = {}
         for case in cases:
-            assert case.m is not None
-            assert case.seed is not None
             shared = np.random.default_rng(case.seed).standard_normal()
             own = np.random.default_rng([case.seed, case.m]).standard_normal() * 2.0**-case.m
             v = values[case.m] * (1.0 + spread * (shared + own))

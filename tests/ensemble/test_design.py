@@ -46,7 +46,6 @@ def test_where_levels_do_not_pay_it_costs_no_more_than_plain_monte_carlo_and_the
     def unrelated(cases: Sequence[Case]) -> dict[str, Arrays]:
         found = {}
         for case in cases:
-            assert case.m is not None
             value = {case.m: float(1.0 + 0.1 * random([case.seed or 0, case.m, 5]).standard_normal())}
             found |= made(value, spread=0.0)([case])
         return found

@@ -144,7 +144,6 @@ def test_a_quantity_without_a_state_has_a_state_of_its_own() -> None:
         ("percolation_pressure: 5 %", ["percolation"]),
     ):
         study = loads(f"surface: {{D: 2.3, m: 4}}\nsweep: {{to: percolation}}\nensemble: {{accuracy: {{{asked}}}}}")
-        assert study.ensemble is not None
         assert [target.state.label for target in targets_of(study.ensemble)] == states
 
 
@@ -220,7 +219,7 @@ def test_a_state_with_a_unit_is_the_starred_state_of_each_surface(height: str) -
             ("separation", "100 nm", 0.1 / Sq),
         ):
             study = loads(text.replace("AT", f"{kind}: [{written}]"))
-            (target,) = targets_of(study.ensemble) if study.ensemble is not None else ()
+            (target,) = targets_of(study.ensemble)
             assert target.state.label == f"{kind}={written}"
             value = value_at(series, "free_volume", Level(kind, starred), case)
             assert target.value(series, case) == pytest.approx(value, rel=1e-9)

@@ -7,12 +7,11 @@ from roughvol.campaign.one_case import run_case
 from roughvol.gap import transport
 from tests.observables.kit import case_of, states_of
 
-SWEEP = "sweep: {steps: 4, to: {indentation: 3}}\n"
 WIDTHS = "record: {region_widths: {shares: [1, 0.5, 0.75], transmissivity: {step: [2, 4]}}"
 
 
 def _case(text):
-    return case_of(SWEEP + text)
+    return case_of("sweep: {steps: 4, to: {indentation: 3}}\n" + text)
 
 
 @pytest.fixture(scope="module")

@@ -19,12 +19,6 @@ def run(here: Path) -> Dataset:
     return roughvol.run(STUDY, jobs=1)
 
 
-@pytest.fixture
-def pressed(here: Path) -> Dataset:
-    heights = np.random.default_rng(0).normal(size=(17, 17))
-    return roughvol.press(heights, L="500 um", E="10 MPa", nu=0.5, to={"pressure": "0.5 MPa"}, steps=4)
-
-
 def test_a_run_opens_by_folder_file_name_and_study(run: Dataset) -> None:
     Path("tiny.yaml").write_text(roughvol.load("runs/tiny/study.yaml").to_yaml(), encoding="utf-8")
     for name in ("runs/tiny", Path("runs/tiny"), "runs/tiny/study.nc", "tiny", "tiny.yaml"):
@@ -52,7 +46,9 @@ def test_load_of_a_run_leads_to_open(run: Dataset) -> None:
         roughvol.load("absent.yaml")
 
 
-def test_a_saved_dataset_opens_and_draws(pressed: Dataset) -> None:
+def test_a_saved_dataset_opens_and_draws(here: Path) -> None:
+    heights = np.random.default_rng(0).normal(size=(17, 17))
+    pressed = roughvol.press(heights, L="500 um", E="10 MPa", nu=0.5, to={"pressure": "0.5 MPa"}, steps=4)
     pressed.to_netcdf("x.nc")
     opened = roughvol.open("x.nc")
     xr.testing.assert_allclose(opened, pressed)

@@ -49,7 +49,6 @@ def test_lines_are_the_means_of_the_finest_grid_and_the_law() -> None:
         np.testing.assert_allclose(line.get_ydata()[:11], wanted[:11])
         assert np.isnan(line.get_ydata()[-1])  # nothing but rounding beyond the cut
         spectrum = loads(TEXT).cases()[0].spectrum
-        assert spectrum is not None
         np.testing.assert_allclose(law.get_ydata()[:11], [density(spectrum, 3 - D, 100.0, k) for k in range(1, 12)])
         np.testing.assert_allclose(law.get_ydata()[:10], wanted[:10], rtol=0.2)
     titles = [axes.get_legend().get_title().get_text() for axes in (left, right)]

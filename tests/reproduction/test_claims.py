@@ -23,7 +23,7 @@ from roughvol.reproduction.claims.verdict import above, below, plain
 from roughvol.reproduction.judgement import Judgement
 from roughvol.reproduction.needs import Needs
 from roughvol.store import dataset
-from roughvol.study import GeneratedSurface, Study, loads
+from roughvol.study import Study, loads
 
 
 @pytest.fixture(scope="module")
@@ -280,7 +280,6 @@ def _fabricated(name: str, offset: float = 0.0, **changes: object) -> ClaimRun:
     given = BY_D | {"L": 100.0, "law": "std", "rtol": 1e-6, "bins": 50} | changes
     study: Study = loads(PAPER_RUN.format(name=name, **given), file=name)
     surface = study.surface
-    assert isinstance(surface, GeneratedSurface)
     sizes = {"D": len(surface.D), "m": len(surface.m), "seed": len(surface.seeds), "step": study.sweep.steps}
     along = [surface.D, surface.m, surface.seeds, np.arange(1, sizes["step"] + 1)]
     D, m, seed, step = np.meshgrid(*map(np.array, along), indexing="ij", sparse=True)

@@ -94,9 +94,7 @@ def _line(fig: Figure, label: str, axes: int = 0) -> np.ndarray:
 
 
 def _title(fig: Figure, axes: int = 0) -> str:
-    legend = fig.axes[axes].get_legend()
-    assert legend is not None
-    return legend.get_title().get_text()
+    return fig.axes[axes].get_legend().get_title().get_text()
 
 
 def test_the_figures_are_those_of_the_paper() -> None:
@@ -458,9 +456,7 @@ def test_cases_that_are_not_there_yet_are_left_out(study: xr.Dataset) -> None:
     there = (study["D"] != 2.1) & ((study["D"] != 2.9) | (study["seed"] == 0))
     partial = study.assign({name: study[name].where(there) for name in ("mean_pressure", "free_volume")})
     fig = FIGURES["fig06a"](partial)
-    legend = fig.axes[0].get_legend()
-    assert legend is not None
-    assert [text.get_text() for text in legend.get_texts()] == ["$D = 2.3$", "$D = 2.9$"]
+    assert [text.get_text() for text in fig.axes[0].get_legend().get_texts()] == ["$D = 2.3$", "$D = 2.9$"]
     assert "mean of 2 surfaces" in _title(fig)
     single = fig.axes[0].lines[-1]
     assert single.get_marker() != "None"

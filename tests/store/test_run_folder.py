@@ -73,12 +73,9 @@ def test_the_lock_of_a_killed_process_is_stale(study: Study, tmp_path: Path) -> 
         "with lock.opened(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(60)\n"
     )
     process = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True)
-    assert process.stdout is not None
     with process.stdout:
         assert process.stdout.readline() == "held\n"
-        found = lock.holder(tmp_path)
-        assert found is not None
-        assert found.pid == process.pid
+        assert lock.holder(tmp_path).pid == process.pid
         process.kill()
         process.wait(timeout=30)
     assert (tmp_path / "lock").exists()
@@ -342,7 +339,6 @@ def test_stored_files_hold_no_path_of_this_machine(tmp_path: Path) -> None:
     assert "file: data/scan.npy" in one.attrs["study"]
     shutil.rmtree(tmp_path / "one")
     study = Run.of("out", one).study  # the stored study is read without its height file
-    assert study is not None
     with pytest.raises(StudyError):
         study.cases()
     written = [path for path in (tmp_path / "one_out").rglob("*") if path.is_file()]

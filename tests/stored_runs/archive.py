@@ -32,6 +32,5 @@ def of_oldest() -> dict[str, Any]:
     """Return the keys of the oldest version, and its studies."""
     with tarfile.open(ARCHIVE) as archive:
         stored = archive.extractfile(f"{VERSIONS[0]}/studies.json")
-        assert stored is not None
         found: dict[str, Any] = json.load(stored)
     return found

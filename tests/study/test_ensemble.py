@@ -15,7 +15,6 @@ def test_a_study_with_an_ensemble_reads_its_own_text() -> None:
     assert loads(study.to_yaml()) == study
     assert loads(study.stored(), stored=True) == study
     assert pickle.loads(pickle.dumps(study)) == study
-    assert study.ensemble is not None
     assert study.ensemble.budget == 5400.0
     asked = study.ensemble.accuracy.named
     assert (asked["free_volume"], asked["free_volume"].relative) == (0.01, True)
@@ -66,7 +65,6 @@ WITH_UNIT = "surface: {D: 2.5, m: 7, L: 50 um, Sq: 0.5 um}\nmaterial: {E_star: 1
 
 def test_states_with_a_unit_are_read_as_in_a_sweep() -> None:
     study = loads(WITH_UNIT + ASKED.replace("[0.1, 0.3]", "[0.05 MPa, 100 kPa], separation: 100 nm"))
-    assert study.ensemble is not None
     assert [level.label for level in study.ensemble.at.levels] == [
         "pressure=0.05 MPa",
         "pressure=100 kPa",

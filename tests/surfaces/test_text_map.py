@@ -168,7 +168,6 @@ def test_each_size_may_have_a_prefix_of_its_own(tmp_path, width, height):
     path = put(tmp_path / "z.txt", f"# Width: {width}\n# Height: {height}\n# Value units: nm\n" + TURNED)
     assert abs(case_of(tmp_path, "file: z.txt, unit: um").L - 2.5) < 1e-12
     found = reading.describe(path)
-    assert found.unit is not None
     assert [side * length_units.factor(found.unit, "um") for side in found.sides or ()] == pytest.approx([2.5, 2.0])
 
 
