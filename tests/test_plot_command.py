@@ -240,6 +240,13 @@ def test_a_leak_in_a_figure_has_its_pressure_drop_and_viscosity() -> None:
     assert "ressure drop" not in _note("leaking", "flow_of_p")
 
 
+def test_every_figure_of_the_first_leg_of_a_path_says_so() -> None:
+    for name in ("v_of_p", "fig04a", "seal_leak_rate"):
+        assert "Leg 1 of a path" in _note("loops", name)
+        assert "Leg 1" not in _note("leaking", name)
+    assert "Leg 1" not in _note("loops", "path_loops")
+
+
 def test_a_figure_of_a_path_marks_where_each_leg_closes_and_opens() -> None:
     load, flow = np.arange(6.0), np.array([0.0, 0.0, 3.0, 2.0, 1.0, 0.0])
     assert list(yielding._ends(load, flow)) == [((2.0, 3.0), 1.0), ((4.0, 1.0), 5.0)]

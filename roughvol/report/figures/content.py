@@ -35,7 +35,7 @@ from roughvol.observables.variables import AXES, QUANTITIES
 from roughvol.report.figures import ways
 from roughvol.report.figures.curves import plot, shown
 from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held, named, several
-from roughvol.report.figures.origin import dry_note, fluid_note, lacking, surfaces, written
+from roughvol.report.figures.origin import dry_note, fluid_note, lacking, leg_note, surfaces, written
 from roughvol.report.figures.style import (
     GREY,
     LABELS,
@@ -237,9 +237,8 @@ def _origin(runs: Sequence[Named], some: Sequence[Family]) -> str:
         words = f"Run {', '.join(filter(None, (of, names[0])))}: {surfaces(runs[0].dataset, shown(some))}."
     elif len(runs) > MANY:
         words = f"Run {of}: " * bool(of) + f"{len(runs)} {'' if of else 'runs or '}combinations; the legend names them."
-    if any("leg" in run.dataset for run in runs):
-        words = f"{words} Leg 1 of a path; path_loops draws every leg."
-    return " ".join([words, *dict.fromkeys(line for run in runs for line in written(run.dataset))])
+    legs = (line for run in runs for line in leg_note(run.dataset, (P,)))
+    return " ".join([words, *dict.fromkeys((*legs, *(line for run in runs for line in written(run.dataset))))])
 
 
 def wrapped(label: str) -> str:

@@ -10,6 +10,7 @@ from xarray import Dataset
 from roughvol.analysis.leak import fluid_of, is_lifted
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.tables import range_text
+from roughvol.observables.variables import STATES
 from roughvol.report.figures.families import file_text, held
 from roughvol.report.figures.style import unit_of
 from roughvol.store.record_key import record_key
@@ -84,6 +85,12 @@ def fluid_note(ds: Dataset) -> list[str]:
     """Return pressure drop and viscosity of the leak rates of a dataset as a sentence; empty without them."""
     words = fluid_of(ds)
     return [f"{words[:1].upper()}{words[1:]}."] if words else []
+
+
+def leg_note(ds: Dataset, names: Sequence[str]) -> list[str]:
+    """Return that a figure shows leg 1, where numbers that it needs are those of steps or states of a path."""
+    along = {dim for name in names if name in ds for dim in ds[name].dims}
+    return ["Leg 1 of a path; path_loops draws every leg."] if "leg" in ds and along & {"step", *STATES} else []
 
 
 def dry_note(datasets: Sequence[Dataset]) -> list[str]:
