@@ -110,7 +110,7 @@ def _densities(ds: Dataset, by: str, m: float = FINEST, *, log: bool = False) ->
     some, common = families(ds, by, "volume_density", "volume_density_edges", m=m)
     label = str(ds["density_at"].item())
     title = f"{'last step' if label == 'last' else label}\n{common}".rstrip()
-    fig, ax = axes(height=3.4 if log else 3.0)
+    fig, ax = axes(height=3.6 if log else 3.2)
     members = [merged(*densities(family), log=log) for family in some]
     plot(ax, some, members, (volume_label(ds), density_label(ds)), title, common=True, log=log)
     fig.shown = shown(some)
