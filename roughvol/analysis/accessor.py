@@ -67,8 +67,9 @@ class Accessor:
         Returns
         -------
         Dataset
-            The variables along ``step`` without it, in 64 bits. A surface that does not reach the level has NaN; a
-            surface that closed before has flows of 0. ``reached`` marks the surfaces that reach the level.
+            The numbers along ``step``, and those along ``step`` and ``axis``, without ``step``, in 64 bits. Numbers
+            along further dimensions are left out. A surface that does not reach the level has NaN; a surface that
+            closed before has flows of 0. ``reached`` marks the surfaces that reach the level.
 
         Raises
         ------

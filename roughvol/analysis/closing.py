@@ -62,13 +62,13 @@ def solved_loads(group: Dataset, axis: str, load: str) -> list[float]:
         return [math.nan] * group.sizes["seed"]
     loads, starred = (group[name].transpose("seed", "step").values for name in (load, "mean_pressure"))
     return [
-        float(end) * _ratio(at, p)
+        float(end) * load_per_starred(at, p)
         for end, at, p in zip(group[SOLVED].sel(axis=axis).values, loads, starred, strict=True)
     ]
 
 
-def _ratio(loads: Array, starred: Array) -> float:
-    """Return a load over p*, from the largest; NaN without a load."""
+def load_per_starred(loads: Array, starred: Array) -> float:
+    """Return a load over p* on the states of a surface, from the largest; NaN without a load."""
     at = int(np.nanargmax(starred)) if np.isfinite(starred).any() else 0
     return float(loads[at] / starred[at]) if starred[at] else math.nan
 

@@ -240,8 +240,8 @@ PARTS = {
     "open": "open",
     "closing": "closing",
 }
+"""Columns of each axis in a file, and their attributes."""
 COUNTS = ("open", "closing")
-"""Columns of each axis in a file, and their attributes; the last two are counts."""
 
 
 def write_csv(over_time: History, path: Path) -> None:

@@ -27,7 +27,7 @@ import numpy as np
 import scipy
 from xarray import Dataset
 
-from roughvol.analysis.closing import Span, solved_loads, span_of, spans
+from roughvol.analysis.closing import Span, load_per_starred, solved_loads, span_of, spans
 from roughvol.analysis.derived import groups
 from roughvol.analysis.leak import with_closed
 from roughvol.analysis.legs import first_leg
@@ -262,8 +262,7 @@ def _of_surfaces(tables: list[tuple[str, Dataset]], axis: str) -> list[Curve]:
         leak = with_closed(surface["leak_rate"], surface).sel(axis=axis).values
         if SOLVED in surface and np.isfinite(leak).any():
             end = float(surface[SOLVED].sel(axis=axis))
-            per_starred = np.nanmax(pressure) / np.nanmax(starred)
-            pressure = np.append(pressure, end * per_starred)
+            pressure = np.append(pressure, end * load_per_starred(pressure, starred))
             starred, leak = np.append(starred, end), np.append(leak, 0.0)
         kept = np.flatnonzero(np.isfinite(leak) & (starred > 0.0))
         order = kept[np.argsort(pressure[kept], kind="stable")]

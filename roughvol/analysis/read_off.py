@@ -291,7 +291,8 @@ def nominal_of(run: Dataset, level: Level) -> float:
             starred = scales(Run.of("", run), surface.expand_dims("seed"))[0].starred(level.kind, level.value)[1]
         except ValueError as error:
             raise refused(f"{level.label}: {error}") from error
-        found.append(starred * float((surface["nominal_pressure"] / surface["mean_pressure"]).max()))
+        nominal, pressures = (surface[name].values for name in ("nominal_pressure", "mean_pressure"))
+        found.append(starred * closing.load_per_starred(nominal, pressures))
     if max(found) - min(found) > REACHED * max(found):
         raise refused(f"{level.label}: another pressure on each surface; allowed: a pressure with its unit, as 0.5MPa")
     return float(np.mean(found))

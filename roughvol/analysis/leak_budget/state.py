@@ -13,7 +13,7 @@ from xarray import Dataset
 
 from roughvol.analysis.at import LOAD_KINDS, state_at
 from roughvol.analysis.average import Average, average
-from roughvol.analysis.closing import Span, load_of, spans
+from roughvol.analysis.closing import Span, load_of, load_per_starred, spans
 from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.leak import STATE, is_lifted
 from roughvol.analysis.leak_card import Closing, Part
@@ -140,7 +140,8 @@ class Loaded:
         name, level = load_of(self.table), self.level
         if math.isnan(found := self.number(name)) and level.kind in LOAD_KINDS and level.value is not None:
             _, starred = next(iter(scales(self.run, self.table))).starred(level.kind, level.value)
-            return starred * float((self.table[name] / self.table["mean_pressure"]).max())
+            loads, pressures = (self.table[of].isel(seed=0).values for of in (name, "mean_pressure"))
+            return starred * load_per_starred(loads, pressures)
         return found
 
 
