@@ -20,6 +20,13 @@ STORED_BYTES = 1 << 24  # of the study of a run, which has every default and eve
 
 TOO_LARGE = f"larger than {MAX_BYTES // 1024} KiB: heights belong in a file of their own (surface.file)"
 
+PLAIN = {  # by words of PyYAML
+    r"'\t'": "a tab; allowed: blanks",
+    "mapping values": "a colon too many; allowed: keys of one section indented alike, a blank behind each of their "
+    "colons, a value with a colon in quotes",
+    "'<block mapping start>'": "another indentation; allowed: keys of one section indented alike",
+}
+
 BREAKS = "[\x85\u2028\u2029]"  # YAML has them beside \n and \r
 
 KeyPath = tuple[str | int, ...]
@@ -50,7 +57,8 @@ class Reading:
         except yaml.YAMLError as error:
             mark, position = getattr(error, "problem_mark", None), getattr(error, "position", 0)
             parts = [getattr(error, name, None) for name in ("context", "problem", "reason")]
-            message = f"not YAML: {', '.join(filter(None, parts)) or error}"
+            message = ", ".join(filter(None, parts)) or str(error)
+            message = f"not YAML: {next((plain for words, plain in PLAIN.items() if words in message), message)}"
             raise UnreadableError(message, (mark.line if mark else text.count("\n", 0, position)) + 1) from error
         except (ValueError, OverflowError, LookupError) as error:  # PyYAML does not check escapes and directives
             raise UnreadableError(f"not YAML: {error}") from error
