@@ -10,6 +10,7 @@ import xarray as xr
 
 import roughvol
 from roughvol.observables.variables import VARIABLES
+from roughvol.store import stamped_file
 from roughvol.study import load
 from roughvol.study.reference import keys
 from tests.kit import LEAKING, ROOT, call, python, ran, refused, said, succeeded
@@ -116,6 +117,13 @@ def test_init_overwrites_nothing() -> None:
     assert "scan.txt; nothing was written" in refused("init", "scan")
     assert [path.name for path in Path().iterdir()] == ["scan.txt"]
     assert Path("scan.txt").read_text(encoding="utf-8") == "mine"
+
+
+def test_init_that_cannot_write_one_file_leaves_none() -> None:
+    blocked = stamped_file.aside_of(Path("scan.txt"))
+    blocked.mkdir()
+    assert "cannot write scan.txt" in refused("init", "scan")
+    assert list(Path().iterdir()) == [blocked]
 
 
 @pytest.mark.parametrize(

@@ -90,11 +90,17 @@ def _heights() -> str:
 
 
 def _write_new(files: Mapping[str, str]) -> None:
-    """Write files into the current folder, or none if any of them is there."""
+    """Write files into the current folder, or none if any of them is there or cannot be written."""
     if present := [name for name in files if Path(name).exists()]:
         raise FolderError(f"already in {Path.cwd()}: {', '.join(present)}; nothing was written")
-    for name, text in files.items():
-        stamped_file.store(Path(name), text.encode())
+    try:
+        for name, text in files.items():
+            stamped_file.store(Path(name), text.encode())
+    except FolderError:
+        for name in files:
+            Path(name).unlink(missing_ok=True)
+        raise
+    for name in files:
         say(f"wrote {name}")
 
 
