@@ -185,6 +185,8 @@ class Coupling:
 
         A joint that opens is a `ContactError`; no state, and no proof of opening, a `ConvergenceError`.
         """
+        if not load > 0.0:
+            raise ContactError(f"the joint opens: it is pressed to p* = {load:.6g}. Allowed: a load above 0")
         near = self.without_fluid(dry)
         fluid, reached, rounds, rises = self.fluid_in(near.gap), 0.0, 0, RISES
         while reached < 1.0:
