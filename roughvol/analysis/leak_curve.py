@@ -19,7 +19,7 @@ patch. So it lies between two seals: all patches at the lower ends of their read
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -31,7 +31,7 @@ from roughvol.analysis.closing import Span, load_per_starred, solved_loads, span
 from roughvol.analysis.derived import groups
 from roughvol.analysis.leak import with_closed
 from roughvol.analysis.legs import first_leg
-from roughvol.analysis.seal import Patch, closing_of, conductance_of
+from roughvol.analysis.seal import ONE_LOAD, Patch, closing_of, conductance_of
 from roughvol.analysis.units import sigma
 from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES, LISTED, SOLVED
@@ -226,7 +226,19 @@ def closings(run: Dataset, axis: str, load: str) -> list[tuple[str, Span, Datase
         return own
     loads = [[(span.open_up_to, span.closed_from) for _, span, _ in found[way]] for way in patch.axes]
     span = Span(*(_sheet_closes(tables, patch, end) for end in np.transpose(loads)))
-    return [(SEAL, span, max((table for _, _, table in own), key=lambda table: float(table[load].max())))]
+    table = own[_farthest([table[load].values for _, _, table in own])][2]
+    Sq = table["Sq"].copy(data=np.mean([table["Sq"] for _, table in tables]))
+    return [(SEAL, span, table.assign(Sq=Sq))]
+
+
+def _farthest(loads: Sequence[Array]) -> int:
+    """Return the number of the surface that is pressed farthest, from the loads of its steps.
+
+    Of several that are pressed to one load it is that of the lightest steps: their ends differ by the searches alone.
+    """
+    ends = [float(np.nanmax(steps)) for steps in loads]
+    farthest = (k for k, end in enumerate(ends) if end >= max(ends) * (1.0 - ONE_LOAD))
+    return min(farthest, key=lambda k: float(np.nanmean(loads[k])))
 
 
 def _sheet_closes(tables: list[tuple[str, Dataset]], patch: Patch, loads: Array) -> float:
@@ -284,7 +296,8 @@ def _of_seal(run: Dataset, tables: list[tuple[str, Dataset]], patch: Patch) -> C
         unit = run["nominal_pressure"].attrs["units"]
         message = f"the leaks of all surfaces are known from {low:.4g} {unit}, and up to {high:.4g} {unit}"
         raise refused(f"{message}: a seal needs one load; record the flow at every step")
-    longest = max(ways[patch.seal.flow], key=lambda curve: curve.pressure[-1])
+    along_flow = ways[patch.seal.flow]
+    longest = along_flow[_farthest([curve.pressure for curve in along_flow])]
     kept = (longest.pressure >= low * (1.0 - REACHED)) & (longest.pressure <= high * (1.0 + REACHED))
     steps = longest.pressure[kept]
     inner = steps[(steps > low * (1.0 + REACHED)) & (steps < high * (1.0 - REACHED))]
@@ -299,7 +312,7 @@ def _of_seal(run: Dataset, tables: list[tuple[str, Dataset]], patch: Patch) -> C
         pressure = np.append(pressure[pressure < end * (1.0 - REACHED)], max(end, low))
     readings = [[curve.at(pressure) for curve in ways[axis]] for axis in AXES]
     starred = pressure * (longest.starred[-1] / longest.pressure[-1])
-    Sq = float(np.mean([curve.Sq for curve in ways[patch.seal.flow]]))
+    Sq = float(np.mean([curve.Sq for curve in along_flow]))
 
     def seal(part: str, between: tuple[Curve, ...] = ()) -> Curve:
         """Return the curve of the seal of one part of the readings of its patches."""

@@ -3,6 +3,7 @@
 import math
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -459,6 +460,26 @@ def test_the_interval_of_a_seal_has_those_of_its_patches(here: Path) -> None:
         assert found["narrower"].count(" MPa") == 5
     assert lows[0] == 0.0
     assert min(lows[1:]) > 0.0
+
+
+def test_a_seal_of_patches_pressed_to_one_load_does_not_depend_on_the_ends_of_their_searches(here: Path) -> None:
+    """Its Sq is the mean of its patches, of a leak and of a closed seal."""
+    for k, height in enumerate((0.3, 0.5)):
+        np.save(f"face{k}.npy", height * random_midpoint_displacement(2.2, 4, seed=k).heights)
+    text = COARSE.replace(COARSE.splitlines()[1], "surface: {files: face*.npy, L: 0.5 mm, heights_unit: um}")
+    text = text.replace("transmissivity: every-step", "transmissivity: every-step, closing: true")
+    ds = roughvol.run(loads(text.replace(SWEEP, "steps: 6, to: {pressure: 0.02 MPa}")), jobs=1)
+    found = []
+    for scan in (0, 1):
+        other = ds.drop_vars("closing_pressure").copy(deep=True)
+        for name in ("mean_pressure", "nominal_pressure"):
+            other[name][scan, -1] *= 1.0 + 1e-6
+        (answer,) = roughvol.ask(other, leak_rate="1e-5 mm^3/s").answers
+        found.append((answer.value, answer.low, answer.high))
+    assert_allclose(*found, rtol=1e-5)
+    of_Sq: dict[str, Any] = {"unknown": "Sq", "at": "pressure=0.01 MPa"}
+    (closed,), (least,) = (roughvol.ask(ds, leak_rate=leak, **of_Sq).answers for leak in (None, "1e-30 mm^3/s"))
+    assert closed.value == pytest.approx(least.value)
 
 
 def test_a_seal_leaks_no_more_beyond_its_solved_closing_load(tmp_path: Path) -> None:
