@@ -131,6 +131,7 @@ def test_a_load_beyond_a_sweep_that_ended_closed_is_closed(monkeypatch: pytest.M
     printed = _printed(_study(SEAL), "--at", "pressure=2 MPa")
     found = re.findall(r"closed on this grid; tight above [\d.]+ MPa, its error is not known \(grid", printed)
     assert len(found) == 2  # 17 nodes have no coarser grid
+    assert not re.search(r"Contact area|Mean gap", printed)  # the state is not known
     monkeypatch.setattr(card_runs, "FEWEST_NODES", 16)
     study = _study(SEAL.replace("m: 4", "m: 5").replace("name: seal", "name: finer"))
     for way in _card(study, "--at", "pressure=2 MPa")["ways"]:

@@ -248,6 +248,17 @@ def load_facts(card: Card) -> Iterator[tuple[str, str]]:
     """Yield the load of a card and the state there, in pairs of words."""
     at = f", at {_words(card.load)}" if card.loads("mean_pressure") else ""
     yield "Load", f"{load_of(card)}{at}"
+    if math.isfinite(card.mean("free_volume")):  # beyond the end of a sweep that ends closed the state is not known
+        yield from _state_facts(card)
+    for beside in card.beside:
+        values = (short(leak.value) if math.isfinite(leak.value) else "not known" for leak in beside.leaks)
+        axes = ", ".join(f"{way.axis} {value}" for way, value in zip(card.ways, values, strict=True))
+        median = "median, " if len(card.surfaces) > 1 else ""
+        yield f"{beside.words[:1].upper()}{beside.words[1:]}", f"{median}{axes} {unit_text(beside.unit)}".strip()
+
+
+def _state_facts(card: Card) -> Iterator[tuple[str, str]]:
+    """Yield contact area and mean gap at the load of a card."""
     mean = "mean " if len(card.surfaces) > 1 else ""
     dry, gap = ", without fluid pressure" if card.lifted else "", ""
     yield "Contact area A*", f"{mean}{number(card.mean('contact_area'))}{dry}"
@@ -255,13 +266,8 @@ def load_facts(card: Card) -> Iterator[tuple[str, str]]:
         unit = str(card.surfaces[0].table["mean_gap"].attrs["units"])
         lengths = [surface.free_volume * surface.Sq for surface in card.surfaces if math.isfinite(surface.free_volume)]
         lengths = [convert(length, card.length_unit, unit) for length in lengths]
-        gap = f", {number(sum(lengths) / len(lengths))} {unit_text(unit)}" if lengths else ""
+        gap = f", {number(sum(lengths) / len(lengths))} {unit_text(unit)}"
     yield "Mean gap V*", f"{mean}{number(card.mean('free_volume'))} σ{gap}{dry}"
-    for beside in card.beside:
-        values = (short(leak.value) if math.isfinite(leak.value) else "not known" for leak in beside.leaks)
-        axes = ", ".join(f"{way.axis} {value}" for way, value in zip(card.ways, values, strict=True))
-        median = "median, " if len(card.surfaces) > 1 else ""
-        yield f"{beside.words[:1].upper()}{beside.words[1:]}", f"{median}{axes} {unit_text(beside.unit)}".strip()
 
 
 def micro(text: str) -> str:
