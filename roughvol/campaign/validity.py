@@ -179,7 +179,7 @@ class _States:
     starred: Array  # pressure p*
     deepest: Array  # displacement of the deepest point, in the unit of L
     flow: Mask  # states with a leak rate
-    length: float  # longer side of the surfaces, in m; NaN without a unit
+    length: float  # longer side of a surface, the least of several, in m; NaN without a unit
     peak: float  # highest point above the mean plane over Sq
     slopes: Array  # of the surfaces
     in_contact: float  # mean pressure of the contact over E* at the highest load
@@ -245,12 +245,14 @@ def after(given: Setting, results: Dataset) -> list[Finding]:
         values = variable.transpose(..., "step").values
         return np.reshape(values, (-1, values.shape[-1]))
 
+    L, unit, periodic = results["L"].item(), results.attrs.get("length_unit"), "periodic" in results.attrs
     starred, Sq = states(results["mean_pressure"]), results["Sq"].values.reshape(-1, 1)
-    nominal = starred * np.where(Sq > 0.0, Sq, 1.0) / results["L"].item()
+    nominal = starred * np.where(Sq > 0.0, Sq, 1.0) / L
     above = ("contact_above_hardness_fraction", "load_above_hardness_fraction")
     leaks = [results[name].notnull().any("axis") for name in FLOWS if name in results]
-    rows, columns = (int(results[name].max()) if name in results else 2 for name in ("nodes_x", "nodes_y"))
-    unit = results.attrs.get("length_unit")
+    stored = (results[name].values.ravel() if name in results else [2.0] for name in ("nodes_x", "nodes_y"))
+    nodes = np.transpose(list(stored))
+    shapes = nodes[np.isfinite(nodes).all(axis=1)].astype(int).tolist()
     central = results["central_pressure_ratio"].values.ravel() if "central_pressure_ratio" in results else np.empty(0)
     with np.errstate(divide="ignore", invalid="ignore"):
         in_contact = np.where(starred > 0.0, nominal / states(results["contact_area_fraction"]), np.nan)
@@ -260,7 +262,7 @@ def after(given: Setting, results: Dataset) -> list[Finding]:
         starred=starred,
         deepest=states(results["indentation"]) * Sq,
         flow=np.any([states(leak) for leak in leaks], axis=0) if leaks else np.zeros(starred.shape, dtype=bool),
-        length=_longer_side(results["L"].item(), (rows, columns), unit, periodic="periodic" in results.attrs),
+        length=min((_longer_side(L, (x, y), unit, periodic=periodic) for x, y in shapes), default=math.nan),
         # d/σ + Δ/σ: height of the first touch above the mean plane
         peak=float((results["separation"] + results["indentation"]).max()),
         slopes=results["Sdq"].values.ravel() if given.scaled else np.empty(0),
@@ -288,11 +290,12 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[Finding]:
     """
     if study.axes:
         return list(dict.fromkeys(finding for variant in study.variants for finding in foreseen(variant.study)))
-    case, made = study.cases()[0], study.surface
-    given = setting(study)
+    case, *others = study.cases()
+    made, given = study.surface, setting(study)
     if case.sweep.steps == 0:
         return []
-    length = _longer_side(case.L, case.shape, case.length_unit, periodic=case.periodic)
+    shapes = {case.shape, *(other.shape for other in others)}
+    length = min(_longer_side(case.L, shape, case.length_unit, periodic=case.periodic) for shape in shapes)
     if not given.scaled:
         return before(given, [], Sq=math.nan, Sdq=math.nan, L=case.L, length=length)
     size = 1.0

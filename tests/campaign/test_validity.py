@@ -287,10 +287,20 @@ def test_a_free_path_longer_than_the_surface_is_named(inlet: str, law: str, name
 def test_a_free_path_is_compared_with_the_longer_side() -> None:
     text = f"{RUBBER}sweep: {{steps: 2, to: {{pressure: 0.19 MPa}}}}\n{GAS.format('0.7 mbar', '0 bar')}\n"
     given, results = validity.setting(loads(text)), _computed(text).assign_attrs(length_unit="um")
-    for nodes, named in ((17, True), (65, False)):
-        found = {one.key: one.sentence for one in validity.after(given, results.assign(nodes_x=17, nodes_y=nodes))}
+    for x, y, named in (([17], [17], True), ([17], [65], False), ([65, 17], [33, 129], True)):  # any of several
+        nodes = {"nodes_x": ("surface", x), "nodes_y": ("surface", y)}
+        found = {one.key: one.sentence for one in validity.after(given, results.drop_vars(nodes).assign(nodes))}
         assert ("free_path" in found) == named
         assert not named or "is 550 um, and the surface 500 um long" in found["free_path"]
+
+
+def test_a_free_path_is_foreseen_of_any_of_several_files(here: Path) -> None:
+    heights = np.random.default_rng(0).normal(size=(17, 65))
+    np.save("long.npy", heights)
+    np.save("short.npy", heights[:, :17])
+    surface = "surface: {files: [long.npy, short.npy], L: 500 um, heights_unit: um}\nmaterial: {E_star: 10 MPa}"
+    text = f"{surface}\nsweep: {{steps: 2, to: {{pressure: 0.19 MPa}}}}\n{GAS.format('0.7 mbar', '0 bar')}\n"
+    assert "free_path" in {found.key for found in validity.foreseen(loads(text))}
 
 
 def test_metal_beyond_the_reach_of_perfect_plasticity_is_named() -> None:
