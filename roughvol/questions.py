@@ -497,10 +497,11 @@ def card(
     """
     from roughvol.analysis.leak_budget import check_reached
     from roughvol.campaign import card as computed
-    from roughvol.campaign import interpretation
+    from roughvol.campaign import checks, interpretation
 
     done: list[int] = []  # numbers of cases computed now
     (asked, _), texts = study_of(study, changes, of_run=not fresh), changes_of(changes)
+    checks.check_surfaces(asked)  # of all files together
     folder = folder_of(asked, Path("runs") / f"{asked.name}_card" if out is None else out)
     found: dict[tuple[str, str], dict[str, CardRuns]] = {}
     cards = Cards(asked, str(study) if isinstance(study, str | Path) else asked.name, texts, folder, found)

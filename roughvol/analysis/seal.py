@@ -44,7 +44,7 @@ from roughvol.gap import sheet
 from roughvol.observables.variables import QUANTITIES
 from roughvol.store.dataset import Dataset
 from roughvol.study import Region, Seal, Study
-from roughvol.study.sections.seal import WHOLE
+from roughvol.study.sections.seal import WHOLE, check_alike
 from roughvol.surfaces.psd import octaves
 from roughvol.surfaces.surface import Surface, intervals
 from roughvol.typing import Array
@@ -212,14 +212,6 @@ def sizes_of(run: Dataset) -> list[tuple[int, int]]:
     shapes = np.transpose([run[name].values.ravel() for name in NODES])
     known, periodic = shapes[np.isfinite(shapes).all(axis=1)].astype(int).tolist(), "periodic" in run.attrs
     return [(intervals(rows, periodic), intervals(columns, periodic)) for rows, columns in known]
-
-
-def check_alike(sizes: Sequence[Sequence[int]]) -> None:
-    """Refuse patches of different shapes: their conductances are not those of one sheet."""
-    ratios = [columns / rows for rows, columns in sizes]
-    if max(ratios) > (1.0 + WHOLE) * min(ratios):
-        words = f"{min(ratios):.3g} to {max(ratios):.3g} times as long along y as along x"
-        raise DatasetError(f"a seal takes patches of one shape, and the surfaces are {words}")
 
 
 @dataclass(frozen=True)

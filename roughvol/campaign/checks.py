@@ -14,6 +14,7 @@ from roughvol.observables import regions
 from roughvol.observables.own import register
 from roughvol.store import dimensional
 from roughvol.study import Case, MadeSurface, Study
+from roughvol.study.sections.seal import check_alike
 from roughvol.surfaces.surface import Surface, intervals
 
 READ_HERE = (".npy", ".npz", ".txt", ".csv", ".xyz", ".asc")  # their readers do not crash
@@ -65,6 +66,8 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
                 if here:
                     surface_of(other)
                 _check_shape(other)
+            if study.seal is not None:
+                check_alike([[intervals(nodes, one.periodic) for nodes in one.shape] for one in (case, *others)])
     except (DatasetError, SurfaceError) as error:
         if made:  # an argument of Python, which the caller names
             raise

@@ -10,7 +10,7 @@ from xarray import Dataset
 import roughvol
 from roughvol.analysis.derived import derived
 from roughvol.campaign import execution, validity
-from roughvol.errors import DatasetError
+from roughvol.errors import DatasetError, StudyError
 from roughvol.study import loads
 from roughvol.surfaces import random_midpoint_displacement
 from tests.kit import call
@@ -66,9 +66,15 @@ def test_a_seal_of_maps_of_different_shapes_is_refused(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", z)
     np.save(tmp_path / "b.npy", np.concatenate([z, z[:, ::-1]], axis=1))
     text = f"surface: {{files: [a.npy, b.npy], L: 100 um, sides: mirrored}}\n{RUBBER}{PRESSED}{RECORD}"
-    text += "seal: {length: 1 mm, width: 0.1 mm}\n"
-    with pytest.raises(DatasetError, match=r"patches of one shape, and the surfaces are 1 to 2\.\d* times as long"):
-        roughvol.ask(run(text, tmp_path), leak_rate="1e-5 mm^3/s")
+    words = r"patches of one shape, and the surfaces are 1 to 2\.\d* times as long"
+    path = tmp_path / "maps.yaml"
+    path.write_text(text + "seal: {length: 1 mm, width: 0.1 mm}\n", encoding="utf-8")
+    for question in (roughvol.run, roughvol.check, roughvol.card):
+        with pytest.raises(StudyError, match=rf"maps\.yaml:1: surface\.files: a seal takes {words}"):
+            question(path)
+    stored = run(text, tmp_path).assign_attrs(study=loads(path.read_text(), path).stored())  # of an older version
+    with pytest.raises(DatasetError, match=words):
+        roughvol.ask(stored, leak_rate="1e-5 mm^3/s")
 
 
 def test_own_functions_see_the_heights_and_the_modulus_of_their_study(

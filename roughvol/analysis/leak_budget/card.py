@@ -40,6 +40,7 @@ from roughvol.errors import DatasetError
 from roughvol.observables.variables import AXES
 from roughvol.observables.void import quarters
 from roughvol.store.card_runs import CardRuns, Pressed
+from roughvol.study.sections.seal import check_alike
 from roughvol.typing import Array
 
 Source = tuple[Callable[[str], Part], Callable[[str], Part]]
@@ -115,7 +116,7 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     patch = Patch.of(fine[0].run.study, fine[0].table)
     if patch is None:
         return None
-    seal.check_alike([size for surface in fine for size in seal.sizes_of(surface.table)])
+    check_alike([size for surface in fine for size in seal.sizes_of(surface.table)])
     reached = [surface for surface in fine if all(math.isfinite(surface.leak(axis)) for axis in AXES)]
     flow = next(way for way in ways if way.axis == patch.seal.flow)
     units = bool(flow.unit)

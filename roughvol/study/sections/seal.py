@@ -7,12 +7,12 @@ No case depends on it: a leak card, `ask` and `creep` make the leak of the seal 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 from pydantic import Field
 
-from roughvol.errors import Problem, StudyError
+from roughvol.errors import DatasetError, Problem, StudyError
 from roughvol.study.plain_data import number_text
 from roughvol.study.sections.strict import Strict, default
 from roughvol.study.values.units import Length, in_unit, unit_of
@@ -57,3 +57,11 @@ class Seal(Strict):
                 patch = f"{number_text(float(f'{side:.4g}'))} {unit or ''}".strip()
                 allowed = f"at least as much, or record.region as long along {axis} as the seal"
                 yield key, f"is {given}, and a patch is {patch} long along {axis}; allowed: {allowed}"
+
+
+def check_alike(sizes: Sequence[Sequence[int]]) -> None:
+    """Refuse patches of different shapes: their conductances are not those of one sheet."""
+    ratios = [columns / rows for rows, columns in sizes]
+    if max(ratios) > (1.0 + WHOLE) * min(ratios):
+        words = f"{min(ratios):.3g} to {max(ratios):.3g} times as long along y as along x"
+        raise DatasetError(f"a seal takes patches of one shape, and the surfaces are {words}: crop them alike")
