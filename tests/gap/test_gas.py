@@ -67,6 +67,15 @@ def test_the_integral_is_that_of_the_rate():
         assert_allclose(kinetic_integral(D), found, rtol=1e-7)
 
 
+@pytest.mark.parametrize("D", gas.STARTS[1:])
+def test_the_mean_between_close_pressures_is_that_of_the_integral_where_the_fit_jumps(D):
+    path = 0.25 * np.sqrt(np.pi) / D  # a plate of gap 1 has this D at half the inlet pressure
+    law = gas._law("kinetic", path)
+    for high, low in ((0.501, 0.4999), (0.5001, 0.499)):
+        found = gas._mean(law, 1.0, high, low) * (high - low)
+        assert_allclose(found, gas.plate_flow("kinetic", 1.0, high, low, path), rtol=1e-9)
+
+
 @pytest.mark.parametrize("law", LAWS)
 def test_plane_gap_from_viscous_to_free_molecular(law):
     for path, outlet in itertools.product((1e-4, 1.0, 1e4), (0.0, 0.5, 0.99)):  # mean free path at the inlet over gap
