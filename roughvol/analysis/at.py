@@ -473,7 +473,7 @@ def _of_leak(run: Run, part: Dataset, k: int, level: Level, crossing: Array) -> 
     """
     rates, value = _leak(run, part, k, level)
     loads, largest = part.variables[P].transpose("seed", "step").values[k], rates.max(axis=0)
-    ends = crossing[[AXES.index(axis) for axis in _axes(level)]]
+    ends = crossing[part.indexes["axis"].get_indexer(_axes(level))]
     with np.errstate(divide="ignore"):
         logs = np.log(rates)
     if (step := place_of(logs.max(axis=0), math.log(value), REACHED, between=False)) is not None:

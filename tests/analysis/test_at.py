@@ -406,3 +406,12 @@ def test_the_larger_leak_at_a_leak_rate_is_this_rate(smaller: float, order: int)
     for rate in (2e-8, 1e-7, 4e-7):
         found = ds.isel(step=[0, 1][::order]).roughvol.at(f"leak_rate={rate} mm^3/s")
         assert_allclose(found.leak_rate.max("axis"), rate, rtol=1e-9)
+
+
+def test_the_order_of_axes_changes_no_state_of_a_leak_rate(tmp_path: Path) -> None:
+    """One way closes before the other, between the same steps."""
+    ds = _made(CLOSING, tmp_path, "{steps: 5, to: {pressure: 0.4 MPa}}")
+    leaks = ds.leak_rate.sel(axis="x")
+    rate = f"leak_rate_x={0.1 * float(leaks.where(leaks > 0.0).min())} mm^3/s"
+    found, turned = (one.roughvol.at(rate) for one in (ds, ds.isel(axis=[1, 0])))
+    assert_allclose(turned.nominal_pressure, found.nominal_pressure, rtol=1e-9)
