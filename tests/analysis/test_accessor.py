@@ -217,6 +217,8 @@ def test_variables_that_a_user_dropped_are_left_out_or_named(
     ds = roughvol.run(study | change, jobs=1)
     with contextlib.nullcontext() if not words else pytest.raises(DatasetError, match=words):
         assert float(ds.drop_vars(lost).roughvol.at(AT)["mean_pressure"].min()) > 0.0
+    with pytest.raises(StudyError, match="has no mean_pressure; allowed: all variables"):
+        roughvol.ask(ds.drop_vars("mean_pressure"))
 
 
 def test_a_height_file_may_have_the_name_of_two_bodies(here: Path) -> None:
