@@ -85,8 +85,9 @@ def _factors(value: float, ends: tuple[float, float]) -> tuple[float, float]:
 class Answer:
     """The value along one axis, and its interval, in ``unit`` of the study.
 
-    - ``value``: largest pressure of any surface, or smallest modulus or Sq. A pressure is infinite where the stored
-      loads do not suffice, and 0 where the first step leaks less; modulus and Sq are 0 and infinite there.
+    - ``value``: largest pressure of any surface, or smallest modulus. The heights of all surfaces change in proportion:
+      Sq is that of the surface that decides. A pressure is infinite where the stored loads do not suffice, and 0 where
+      the first step leaks less; modulus and Sq are 0 and infinite there.
     - ``low``, ``high``: interval of the reading; of a way that closes, the last open step and the first closed one
     - ``nominal``: pressure p₀ of the same p* at the E* and Sq of the study
     - ``times``: value over the E* or Sq of the study; 1 for a pressure
