@@ -57,6 +57,7 @@ ERRORS = 2.0  # standard errors within which x and y are alike
 ENDS = (0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE)
 LONGEST = 0.25  # largest variance of the waves as long as the map over that of the highest octave
 LEAKS = {"leak_rate": "seal_leak_rate", "gas_leak_rate": "seal_gas_leak_rate"}
+NO_LEAK = "no surface is pressed to this load, or the leak of a surface is known along one axis alone"
 UNKNOWN = "seal_unknown"  # attribute with the reason why states have no leak of the seal
 NODES = ("nodes_x", "nodes_y")
 IN_A_ROW = "fluid pressure lifts patches in a row differently"
@@ -330,16 +331,27 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
 
 
 def median(patch: Patch, leaks: Array, *, isotropic: bool, draws: int = DRAWS) -> float:
-    """Return the leak of a seal whose patches have leaks along x and y, those that are known; NaN without one.
+    """Return the leak of a seal whose patches have leaks along x and y; NaN without `known_of` them.
 
     So does a gas: between two pressures its throughput goes with p², and G of viscous flow is that of the liquid.
     """
-    known = leaks[np.isfinite(leaks).all(axis=1)]
+    known = known_of(leaks)
     if not len(known):
         return math.nan
     values = patch.conductances(known, in_units=True)[:, np.newaxis]
     found = conductance_of(values, patch.patches, isotropic=isotropic and len(known) > 1, draws=draws)
     return found.value * patch.squares
+
+
+def known_of(leaks: Array) -> Array:
+    """Return the leaks along x and y of the patches that are known, shape (patches, 2).
+
+    None is returned where a patch is known along one axis alone: it closed there, and seals drawn from the others
+    leak more.
+    """
+    finite = np.isfinite(leaks)
+    whole = finite.all(axis=1)
+    return leaks[whole & (finite.any(axis=1) == whole).all()]
 
 
 def window_of(found: Estimate, samples: str) -> Part:
@@ -366,7 +378,7 @@ def leak_of(
     """
     n, m = patch.patches
     if not len(maps):
-        return Estimate(math.nan, math.nan, math.nan), (), ("no surface is pressed to this load",)
+        return Estimate(math.nan, math.nan, math.nan), (), (NO_LEAK,)
     found = conductance_of(maps[:, None], (n, m), isotropic=isotropic and len(maps) > 1)
     turned = ", each as it lies and turned" if isotropic else "; x and y differ"
     words = [f"{DRAWS} sheets of {n} × {m} patches, drawn from {len(maps)} surfaces{turned}"]

@@ -12,7 +12,7 @@ from xarray import Dataset
 
 from roughvol.analysis.at import legs_of
 from roughvol.analysis.leak_card import Beside, Card, SealLeak, Way
-from roughvol.analysis.seal import sizes_of
+from roughvol.analysis.seal import NO_LEAK, sizes_of
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number, rounded
 from roughvol.campaign import validity
@@ -287,7 +287,7 @@ def seal(of_seal: SealLeak, *, legs: bool = False) -> str:
     """
     most = of_seal.interval[1]
     if not math.isfinite(of_seal.leak):
-        leaks = "has no known leak: no surface is pressed to this load"
+        leaks = f"has no known leak: {NO_LEAK}"
     elif of_seal.leak > 0.0:
         leaks = amount(of_seal.leak, of_seal.unit, of_seal.interval).replace("T* V*³", "T* V*³ length/width")
         if of_seal.gas_unit and not of_seal.unit and math.isfinite(of_seal.gas_leak):

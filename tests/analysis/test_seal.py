@@ -254,7 +254,7 @@ def test_a_gas_leaks_through_a_seal_as_much_more_as_through_its_patches() -> Non
     """Its throughput goes with p², and the sheet is that of the liquid."""
     study = loads(TEXT)
     patch = seal.Patch(study.seal, (0.5, 0.5), "mm", 1.0)
-    leaks = np.vstack([patches(3, 1.0, 0)[:, 0], [[math.nan, 1.0]]])  # the last surface is not known
+    leaks = np.vstack([patches(3, 1.0, 0)[:, 0], [[math.nan, math.nan]]])  # the last surface is not known
     found = [seal.median(patch, of * leaks, isotropic=True) for of in (1.0, 7.0)]
     assert_allclose(found[1], 7.0 * found[0])
     assert np.nanmin(leaks) < found[0] / 60.0 < np.nanmax(leaks)  # 60 squares
@@ -376,6 +376,14 @@ def test_a_seal_is_not_known_to_be_closed_where_the_sweep_of_a_patch_ended_open(
     state = ds.roughvol.at(pressure=float(ds.mean_pressure.max()))
     assert_array_equal(state.leak_rate.sel(axis="y").values.ravel(), [math.nan, 0.0])
     assert state.seal_leak_rate.isnull().all()
+
+
+def test_patches_known_along_one_axis_alone_leave_their_seal_unknown() -> None:
+    """A patch that closed along the flow would be left out, and the seal would leak more."""
+    open_ = [[1.0, 2.0], [3.0, 1.0]]
+    assert_array_equal(seal.known_of(np.array([*open_, [math.nan, math.nan]])), open_)
+    for half in ([0.0, math.nan], [math.nan, 0.0]):
+        assert seal.known_of(np.array([*open_, half])).shape == (0, 2)
 
 
 def test_a_fluid_pressure_that_differs_from_patch_to_patch_is_refused(here: Path) -> None:

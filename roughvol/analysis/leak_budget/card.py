@@ -117,11 +117,10 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     if patch is None:
         return None
     check_alike([size for surface in fine for size in seal.sizes_of(surface.table)])
-    reached = [surface for surface in fine if all(math.isfinite(surface.leak(axis)) for axis in AXES)]
     flow = next(way for way in ways if way.axis == patch.seal.flow)
     units = bool(flow.unit)
     isotropic = patch.is_isotropic([surface.table for surface in fine])
-    leaks = np.array([[surface.leak(axis) for axis in AXES] for surface in reached]).reshape(-1, len(AXES))
+    leaks = seal.known_of(np.array([[surface.leak(axis) for axis in AXES] for surface in fine]))
     maps = patch.conductances(leaks, in_units=units)
     quadrants = patch.conductances(_of_quadrants(fine[0]), in_units=units) if len(fine) == 1 else None
     shared = [part for part in flow.parts if part.name != "window"] if flow.leak.value > 0.0 else []
