@@ -57,7 +57,7 @@ def study(seed: int) -> str:
     """Return a random study."""
     rng = np.random.default_rng([seed, 19])
     m, steps = int(rng.choice([5, 6])), int(rng.choice([6, 8, 12, 16, 24]))
-    common = f"seeds: [{seed}], L: 200 um, Sq: 0.4 um, periodic: {str(bool(rng.random() < 0.5)).lower()}"
+    common = f"seeds: [{seed}], L: 200 um, Sq: 0.4 um, sides: {'periodic' if rng.random() < 0.5 else 'free'}"
     H = round(float(rng.uniform(0.3, 0.95)), 2)
     midpoint = rng.choice(["midpoint", "spectrum"]) == "midpoint"
     end = rng.choice(ENDS, p=SHARES)
