@@ -158,7 +158,11 @@ class Study(StudyFile):
                     own = f"{measured.L:.9g} {unit or ''}".strip()
                     message = f"the files differ in L: {found[0].label} has {first}, {Path(scan.file).name} has {own}"
                     raise StudyError([Problem(message, "surface.files")])
-                found.append(case(kernel=self.kernel(unit), gas=self._gas(unit), **{**vars(measured), "L": L}))
+                made = case(kernel=self.kernel(unit), gas=self._gas(unit), **{**vars(measured), "L": L})
+                if same := next((other for other in found if other.id == made.id), None):
+                    message = f"{same.label} and {made.label} hold the same bytes and are one case by name: rename one"
+                    raise StudyError([Problem(message, "surface.files")])
+                found.append(made)
         return tuple(found)
 
     def kernel(self, unit: str | None = None) -> NamedKernel:

@@ -127,3 +127,7 @@ def test_files_of_one_length_but_for_rounding_are_cases_of_one_length(folder: Pa
     (folder / "wide.xyz").write_text("x [um] y [um] z [um]\n" + _rows(points * [1.002, 1.002, 1.0]), encoding="utf-8")
     with pytest.raises(StudyError, match=r"the files differ in L: near\.xyz has 0\.4 um, wide\.xyz has 0\.4008 um"):
         loads("surface: {files: [near.xyz, wide.xyz]}", folder / "study.yaml").cases()
+    for name in ("a b.xyz", "a_b.xyz"):
+        (folder / name).write_bytes((folder / "near.xyz").read_bytes())
+    with pytest.raises(StudyError, match=r"a b\.xyz and a_b\.xyz hold the same bytes and are one case by name"):
+        loads("surface: {files: [a b.xyz, a_b.xyz]}", folder / "study.yaml").cases()
