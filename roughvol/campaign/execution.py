@@ -19,7 +19,7 @@ from roughvol.observables.own import register
 from roughvol.store import lock, run_folder, same_study, sample_plan, stamped_file
 from roughvol.store.dataset import Dataset
 from roughvol.store.run_folder import folder_of
-from roughvol.study import Case, Study, check_type, load
+from roughvol.study import Case, Study, check_type, load, refused
 
 
 def run(
@@ -41,6 +41,9 @@ def run(
     study = study if isinstance(study, Study) else load(study)
     if scheduler is not None:
         cluster.check_address(scheduler)
+    for name, function in (("on_event", on_event), ("stopping", stopping)):
+        if not callable(function):
+            raise refused(f"{name} is a function, given a value of the type {type(function).__name__}")
     machine.check_jobs(jobs)
     control = Control(jobs, scheduler, on_event, stopping)
     surface = check_surfaces(study, made)

@@ -265,6 +265,7 @@ def test_without_a_finished_case_nothing_is_collected(study: Study, tmp_path: Pa
         (FEW, {"only": []}, "names no case of this study"),
         (FEW, {"only": ["nonsense"]}, "nonsense names no case of this study"),
         (FEW, {"scheduler": "nonsense"}, "the scheduler's address is 'nonsense'"),
+        (FEW, {"on_event": 5}, "on_event is a function, given a value of the type int"),
     ],
 )
 def test_a_refused_run_writes_nothing(tmp_path: Path, text: str, options: dict[str, Any], words: str) -> None:
