@@ -177,6 +177,7 @@ def test_a_function_that_returns_another_shape_needs_another_version(before, aft
     [
         ("largest_gap: mine:nosuch", "record.own.largest_gap: cannot import 'mine:nosuch'.*no attribute 'nosuch'"),
         ("largest_gap: nosuch:largest", "cannot import 'nosuch:largest' .ModuleNotFoundError"),
+        ("a: nosuch:f, b: mine:nosuch", r"own\.a: cannot import 'nosuch:f'[\s\S]*own\.b: cannot import 'mine:nosuch'"),
         (
             "largest_gap: script:largest",
             "cannot import 'script:largest' .*script ends the program .*: usage: script.py FILE",

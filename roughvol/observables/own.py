@@ -92,12 +92,17 @@ def register(record: Record, ensemble: Ensemble | None = None) -> None:
     known: dict[str, list[float]] = {}
     stored = [variable for variable, row in QUANTITIES.items() if row.observable != OBSERVABLE]
     taken = {*OF_TABLES, *stored, *itertools.chain(*map(columns_of, stored))}
+    described, problems = {}, []
     for name, quantity in _of(record).items():
         try:
-            row, coordinates = row_of(name, quantity), _coordinates(quantity)
+            described[name] = row_of(name, quantity), _coordinates(quantity)
         except Exception as error:  # whatever the module of a user raises
             message = f"cannot import {quantity.target!r} ({type(error).__name__}: {error})"
-            raise StudyError([Problem(message, f"record.own.{name}")]) from error
+            problems.append(Problem(message, f"record.own.{name}"))
+    if problems:
+        raise StudyError(problems)
+    for name, quantity in _of(record).items():
+        row, coordinates = described[name]
         if name in averaged and coordinates:
             message = f"{quantity.target} returns an array over {', '.join(coordinates)}; allowed: a number"
             raise StudyError([Problem(message, f"ensemble.accuracy.{name}")])

@@ -18,7 +18,7 @@ from tests.study.kit import problems_of
 
 def test_missing_files_of_a_list_are_named_once(tmp_path: Path) -> None:
     found = problems_of("surface: {files: [a.npy, b.npy], L: 1}", tmp_path / "s.yaml")
-    assert [problem.key for problem in found] == ["surface.files"]
+    assert [problem.key for problem in found] == ["surface.files[0]", "surface.files[1]"]
 
 
 @pytest.mark.parametrize("gas", SUBSTANCES)

@@ -213,7 +213,7 @@ class HeightFile(Sized):
     model_config = ConfigDict(json_schema_extra=_one_or_several)
 
     file: HeightPath = Field(description=_FILE)
-    files: Annotated[tuple[WrittenPath, ...], AS_TUPLE, WithJsonSchema(_FILES)] = default(
+    files: Annotated[tuple[HeightPath, ...], AS_TUPLE, WithJsonSchema(_FILES)] = default(
         (),
         "instead of file: a pattern as scans/*.al3d, or a list of files, each a case of its own; all of "
         "one length and unit",
@@ -266,12 +266,11 @@ class HeightFile(Sized):
 
     @field_validator("files")
     @classmethod
-    def _each_located(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-        found = tuple(_located(file, info) for file in value)
-        names = [Path(file).name for file in found]
+    def _of_several_names(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        names = [Path(file).name for file in value]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             refuse("two files have one name, and cases are labelled by it: {names}", names=", ".join(twice))
-        return found
+        return value
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> Any:
