@@ -232,6 +232,7 @@ def study_of(run: str | Path, changes: Sequence[str] = (), *, stored: bool = Fal
             study = loads(text, source, stored=stored, of_run=True, changes=changes)
         except StudyError as error:
             raise StudyError([_placed(problem, source, folder) for problem in error.problems]) from error
+        study._places = replace(study._places, file=str(folder / "study.yaml"))  # for problems of its cases
         renamed = any(change.partition("=")[0].strip() == "name" for change in changes)
         return study, run_folder.folder_of(study) if renamed else folder
     try:

@@ -367,6 +367,8 @@ def test_a_problem_of_a_stored_study_is_placed_in_its_file(place: Path) -> None:
     )
     Path("runs/tiny/study.yaml").write_text("name: [\n", encoding="utf-8")
     assert "runs/tiny/study.yaml:2: not YAML" in refused("status", "tiny")
+    Path("heights.txt").write_text("1 2 3", encoding="utf-8")
+    assert f"runs/scan/study.yaml:2: surface.file: {Path.cwd()}/heights.txt: " in refused("check", "scan")
 
 
 def test_the_status_of_a_finished_run_needs_no_height_file(place: Path) -> None:
