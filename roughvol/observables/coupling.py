@@ -127,6 +127,11 @@ def _leak(gap: Array, axis: int, periodic: bool, accuracy: float) -> float:
     return conduction(gap, axis, periodic=periodic, accuracy=accuracy).coefficient * float(gap.mean()) ** 3
 
 
+def _check_pressed(load: float) -> None:
+    if not load > 0.0:
+        raise ContactError(f"the joint opens: it is pressed to p* = {load:.6g}. Allowed: a load above 0")
+
+
 class Opening(ContactError):
     """The fluid carries the whole load, so contact is lost."""
 
@@ -177,6 +182,7 @@ class Coupling:
 
     def one_way(self, load: float, dry: Contact) -> Lifted:
         """Return the contact under the fluid pressure of the dry gap, to first order in the fluid pressure."""
+        _check_pressed(load)
         near = self.without_fluid(dry)
         return self.under(self.fluid_in(near.gap), load, near)
 
@@ -185,8 +191,7 @@ class Coupling:
 
         A joint that opens is a `ContactError`; no state, and no proof of opening, a `ConvergenceError`.
         """
-        if not load > 0.0:
-            raise ContactError(f"the joint opens: it is pressed to p* = {load:.6g}. Allowed: a load above 0")
+        _check_pressed(load)
         near = self.without_fluid(dry)
         fluid, reached, rounds, rises = self.fluid_in(near.gap), 0.0, 0, RISES
         while reached < 1.0:
