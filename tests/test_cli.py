@@ -249,5 +249,14 @@ def test_bad_heights_are_refused_and_nothing_is_written(here: Path) -> None:
 
 
 @pytest.mark.usefixtures("here")
+def test_an_interrupted_command_that_stores_nothing_promises_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(name: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(roughvol, "explain", stopped)
+    done = call("explain", "D")
+    assert (done.exit_code, done.stderr) == (130, "interrupted\n")
+
+
 def test_plot_without_runs_says_how_to_make_one() -> None:
     assert "roughvol run STUDY" in refused("plot")

@@ -24,6 +24,7 @@ from roughvol.cli.output import count, escape, say, silence, warn
 
 FAILED, BAD_INPUT = 1, 2
 OF_RUNS = errors.CampaignError | errors.ContactError | errors.ConvergenceError  # they make the exit code FAILED
+CONTINUED = ("run", "card", "ask", "creep")  # commands that keep finished cases
 BY_SIGNAL = 128  # plus the number of the signal: 130 by Ctrl-C, 143 by SIGTERM, 129 by SIGHUP
 LIGHT = ("schema", "status", "ls", "init", "explain", "licences")  # commands that import no library for computations
 CURABLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENAMETOOLONG)
@@ -101,7 +102,9 @@ class _Commands(click.Group):
             with signals.as_interrupts(), _said():
                 return super().invoke(ctx)
         except KeyboardInterrupt as error:
-            say("interrupted; finished cases are kept, and the same command continues the run", err=True)
+            stored = ctx.invoked_subcommand in CONTINUED
+            goes_on = "; finished cases are kept, and the same command continues the run" if stored else ""
+            say(f"interrupted{goes_on}", err=True)
             ctx.exit(BY_SIGNAL + signals.number_of(error))
         except click.UsageError as error:
             if hint := _cut_value(words, error.message):
