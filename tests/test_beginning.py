@@ -110,6 +110,9 @@ def test_a_file_that_is_not_read_is_named_without_the_study_that_is_not_written(
     assert "reads; save it as .x3p, or as text of points x y z" in told
     assert "face.yaml" not in told
     assert not Path("face.yaml").exists()
+    np.save("mask.npy", np.zeros((9, 9), bool))
+    assert "mask.npy: holds values of type bool, not numbers" in refused("init", "mask.npy")
+    assert not Path("mask.yaml").exists()
 
 
 def test_init_overwrites_nothing() -> None:
@@ -157,6 +160,7 @@ def test_explain_knows_the_heads_and_names_of_the_columns_of_show() -> None:
     assert "length^3/time" in said("explain", "Q_x dry")
     assert "derived from study.nc" in said("explain", "K L/E*")
     assert said("explain", "h [W/m^2/K]").startswith("contact_conductance")
+    assert "fig05 is a figure; roughvol plot RUN fig05 draws it" in refused("explain", "fig05")
 
 
 def test_every_key_has_a_description_and_values() -> None:
