@@ -2,11 +2,11 @@
 
 A later leg begins at the last step of the leg before. Between two steps, a number lies on the monotone cubic of
 `at_state` over the quantity of the level. A flow or an opening has the cubic of its logarithm. At a load this cubic is
-over the logarithm of the load, so the leak there is the reading of `leak_curve`. A way that closes between two steps is
-open up to the second step, and its flow lies on the straight line to 0 there. Where a study has its closing load
-solved, the way is open up to this load. Its flow and opening then fall to 0 there on a straight line over p*. Counts
-are those of the step beyond. A state that a study records is the state solved for it; before the first step it has the
-numbers recorded for it alone.
+over the logarithm of the load, so the leak there is the reading of `leak_curve`. A leak rate is at the load that has
+this reading. A way that closes between two steps is open up to the second step, and its flow lies on the straight line
+to 0 there. Where a study has its closing load solved, the way is open up to this load. Its flow and opening then fall
+to 0 there on a straight line over p*. Counts are those of the step beyond. A state that a study records is the state
+solved for it; before the first step it has the numbers recorded for it alone.
 
 A step that misses a level by less than `level.REACHED` is the level. A sweep that ended at a target has reached this
 target, and a listed load is the step solved for it. A surface whose sweep ended before a higher load is closed there if
@@ -37,7 +37,7 @@ from roughvol.observables.variables import AXES, OF_STATE, OF_YIELD, SOLVED, STA
 from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, Study, convert, parse
 from roughvol.study.values.state_kinds import LOAD_OF_REGION, REACHED, slack
 from roughvol.study.values.units import unit_of
-from roughvol.typing import Array, Mask
+from roughvol.typing import Array
 
 BY_LOGARITHM = (*leak.FLOWS, "critical_opening", "critical_opening_dry", "critical_gap")
 WAYS = ("open", "open_dry", "percolates")  # a way that closes between two steps is closed from the second step on
@@ -45,10 +45,11 @@ WAYS = ("open", "open_dry", "percolates")  # a way that closes between two steps
 MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V, "mean_plane_separation": "separation"}
 LEAK = "leak_rate"
 LOAD_KINDS = ("pressure", "load")
+HALVINGS = 60  # of the way between two steps: a place has 53 bits
 RULE = (
-    "Between steps: monotone cubics over the quantity asked for; of a flow or an opening its logarithm, at a load over "
-    "log(load). A way that closes between two steps leaks along a straight line to 0 at the second, or at its solved "
-    "closing load."
+    "Between steps: monotone cubics over the quantity asked for, of a leak rate over the load; of a flow or an opening "
+    "its logarithm, over log(load) at a load. A way that closes between two steps leaks along a straight line to 0 at "
+    "the second, or at its solved closing load."
 )
 
 
@@ -80,11 +81,11 @@ def place_of(values: Array, value: float, slack: float, *, between: bool = True)
     return None
 
 
-def between(group: Dataset, seeds: list[int], places: list[float], over: Array, is_load: Mask) -> Dataset:
+def between(group: Dataset, seeds: list[int], places: list[float], over: Array, *, is_load: bool) -> Dataset:
     """Return the numbers along ``seed`` of surfaces, by index, at positions on the axis ``step``.
 
-    ``over`` is the quantity of the level (surfaces, steps), NaN off the leg. Where it ``is_load`` (surfaces,), flows
-    follow its logarithm.
+    ``over`` is the quantity of the level, of a leak rate the load (surfaces, steps), NaN off the leg. Where it
+    ``is_load``, flows follow its logarithm.
     """
     rows = np.array(seeds, dtype=int)
     low, high = np.floor(places).astype(int), np.ceil(places).astype(int)
@@ -107,7 +108,7 @@ def between(group: Dataset, seeds: list[int], places: list[float], over: Array, 
             with np.errstate(invalid="ignore"):  # between two infinite numbers, as of Knudsen where no way is open
                 mixed = np.where(before == after, before, before + share * (after - before))
             is_flow = name in BY_LOGARITHM
-            curved = _curved(array[rows], over[rows], places, logarithm=is_flow, over_log=is_flow & is_load[rows])
+            curved = _curved(array[rows], over[rows], places, logarithm=is_flow, over_log=is_flow and is_load)
             after = np.where(share == 0.0, before, np.where(np.isfinite(curved), curved, mixed))
         elif name in WAYS:
             after = np.where(share == 0.0, before, np.fmax(before, after))
@@ -117,11 +118,11 @@ def between(group: Dataset, seeds: list[int], places: list[float], over: Array, 
     return group.coords.to_dataset().drop_vars(others).isel({"seed": rows}, missing_dims="ignore").assign(values)
 
 
-def _curved(values: Array, over: Array, places: list[float], *, logarithm: bool, over_log: Mask) -> Array:
+def _curved(values: Array, over: Array, places: list[float], *, logarithm: bool, over_log: bool) -> Array:
     """Return numbers (surfaces, steps, …) at places on monotone cubics; NaN on a step, and beside a step without them.
 
     A cubic follows the two steps around the place, and the next step on each side where the quantity goes on alike. It
-    is of the ``logarithm`` of the numbers. With ``over_log`` (surfaces,) it is over the logarithm of the quantity where
+    is of the ``logarithm`` of the numbers. With ``over_log`` it is over the logarithm of the quantity where
     both steps have one.
     """
     found = np.full((values.shape[0], *values.shape[2:]), np.nan)
@@ -133,7 +134,7 @@ def _curved(values: Array, over: Array, places: list[float], *, logarithm: bool,
         begin = low - int(low > 0 and (over[k, low] - over[k, low - 1]) * advance > 0.0)
         end = high + 1 + int(high + 1 < over.shape[1] and (over[k, high + 1] - over[k, high]) * advance > 0.0)
         x, at = over[k, begin:end], over[k, low] + (place - low) * advance
-        if over_log[k] and min(over[k, low], over[k, high]) > 0.0:
+        if over_log and min(over[k, low], over[k, high]) > 0.0:
             x, at = np.log(np.where(x > 0.0, x, math.nan)), math.log(at)
         for column in np.ndindex(values.shape[2:]):
             numbers = values[(k, slice(begin, end), *column)]
@@ -227,9 +228,9 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     flows = {} if level.kind == "last" else leak.recorded(group, recorded, steps)
     shut, crossings = leak.closed(part), _crossings(group, leg)
     beyond_closing = leg == 1 and level.kind in LOAD_KINDS
+    is_load = level.kind in LOAD_KINDS or level.kind.startswith(LEAK)
     reached, places, beyond, alone = list[int](), list[float](), list[int](), list[int]()
     over = np.full((group.sizes["seed"], group.sizes["step"]), math.nan)
-    is_load = np.full(group.sizes["seed"], level.kind in LOAD_KINDS)
     for k, scale in enumerate(scales(run, group)):
         values, value, near = _path(run, part, k, level, scale, reach)
         over[k, offset : offset + values.size] = values
@@ -242,7 +243,7 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
         if level.kind == "last":
             place: float | None = float(solved[-1])
         elif level.kind.startswith(LEAK):
-            place, over[k, offset : offset + values.size], is_load[k] = _of_leak(run, part, k, level, crossings[k])
+            place = _of_leak(run, part, k, level, crossings[k])
         elif own or (place := _defined(run, level, leg, scale, solved.tolist(), turn)) is None:
             place = place_of(values, value, near, between=level.kind != "step")
         first = values[solved[0]]
@@ -258,7 +259,7 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
             beyond += [k] if shut[k].any() else []
     if not reached and not beyond:
         return None
-    data = between(group, reached + beyond, [*places, *[float(offset)] * len(beyond)], over, is_load)
+    data = between(group, reached + beyond, [*places, *[float(offset)] * len(beyond)], over, is_load=is_load)
     if np.isfinite(crossings).any():
         _close_where_solved(data, group, reached, places, own, crossings[reached])
     _empty(data, group, alone)
@@ -382,7 +383,7 @@ def _starred(scale: Scale, level: Level) -> tuple[str, float]:
 def _path(
     run: Run, part: Dataset, k: int, level: Level, scale: Scale, reach: list[float]
 ) -> tuple[Array, float, float]:
-    """Return the quantity of a level at each step of a surface, its value, and the slack of the value."""
+    """Return the quantity of a level at each step of a surface, of a leak rate the load, its value, and its slack."""
     if level.kind in ("step", "last"):
         solved = np.isfinite(part.variables[P].transpose("seed", "step").values[k])
         return np.where(solved, part["step"].values.astype(float), np.nan), float(level.value or 0.0), 0.0
@@ -390,7 +391,7 @@ def _path(
         rates, value = _leak(run, part, k, level)
         values = rates.max(axis=0)
         reach += values[np.isfinite(values)].tolist()
-        return np.log(np.where(values > 0.0, values, np.nan)), math.log(value), REACHED
+        return part.variables[P].transpose("seed", "step").values[k], value, REACHED
     assert level.value is not None
     kind, value = _starred(scale, level)
     if (stored := STARRED[kind].stored) not in part:
@@ -465,34 +466,36 @@ def _axes(level: Level) -> list[str]:
     return list(level.kind.removeprefix(LEAK).strip("_") or AXES)
 
 
-def _of_leak(run: Run, part: Dataset, k: int, level: Level, crossing: Array) -> tuple[float | None, Array, bool]:
-    """Return the place of a leak rate, None without one, and what numbers there follow: a load, or the log of a leak.
+def _of_leak(run: Run, part: Dataset, k: int, level: Level, crossing: Array) -> float | None:
+    """Return the place of a leak rate, None without one.
 
-    Between two steps it is the place from which on no way of the level leaks more. A way that closes at the second step
-    is on the straight line to 0.
+    Between two steps it is that of the load from which on no way of the level leaks more. A way that closes at the
+    second step is on the straight line to 0.
     """
     rates, value = _leak(run, part, k, level)
     loads, largest = part.variables[P].transpose("seed", "step").values[k], rates.max(axis=0)
     ends = crossing[part.indexes["axis"].get_indexer(_axes(level))]
     with np.errstate(divide="ignore"):
-        logs = np.log(rates)
-    if (step := place_of(logs.max(axis=0), math.log(value), REACHED, between=False)) is not None:
-        return step, logs.max(axis=0), False
+        logs = np.log(largest)
+    if (step := place_of(logs, math.log(value), REACHED, between=False)) is not None:
+        return step
     for before, after in itertools.pairwise(np.flatnonzero(np.isfinite(largest)).tolist()):
         low, high = sorted((before, after), key=lambda step: largest[step])
-        if not largest[low] < value < largest[high]:
-            continue
-        with np.errstate(invalid="ignore"):
-            shares = (ends - loads[high]) / (loads[low] - loads[high])  # of the way to the closed step
-        to_0 = np.where(np.isfinite(shares), np.clip(shares, 0.0, 1.0), 1.0)
-        closes = rates[:, low] == 0.0
-        with np.errstate(divide="ignore", invalid="ignore"):  # closed ways
-            open_ = (logs[:, high] - math.log(value)) / (logs[:, high] - logs[:, low])
-            places = np.where(closes, to_0 * (1.0 - value / rates[:, high]), open_)
-        last = int(np.argmax(np.where(rates[:, high] > value, places, 0.0)))
-        place = float(high + places[last] * (low - high))
-        return (place, loads, True) if closes[last] else (place, logs[last], False)
-    return None, loads, True
+        if largest[low] < value < largest[high]:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                shares = (ends - loads[high]) / (loads[low] - loads[high])  # of the way to the closed step
+            closes = np.isfinite(shares) & (rates[:, low] == 0.0)
+            to_low = np.where(closes, np.clip(shares, np.finfo(float).eps, 1.0), 1.0)
+            around = [0.0, 1.0]
+            for _ in range(HALVINGS):
+                share = 0.5 * sum(around)
+                straight = rates[:, high] + np.minimum(share / to_low, 1.0) * (rates[:, low] - rates[:, high])
+                places = [high + share * (low - high)]
+                curved = _curved(rates.T[np.newaxis], loads[np.newaxis], places, logarithm=True, over_log=True)[0]
+                leaks = np.where(np.isfinite(curved), curved, straight)
+                around[int(leaks.max() <= value)] = share
+            return places[0]
+    return None
 
 
 def _recorded(group: Dataset, level: Level, label: str, steps: Array) -> dict[str, Array]:

@@ -21,9 +21,9 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool, 
     """Print the numbers of RUN: a folder, a study.nc, a study file, or a name under runs/ [default: the latest].
 
     Between two steps, numbers lie on monotone cubics over the quantity asked for. A flow or an opening has the cubic of
-    its logarithm, at a load over the logarithm of the load. A state beyond the steps is an error. Several surfaces are
-    shown by their mean; --csv and --json have each of them. An ensemble has its means last. `roughvol explain NAME`
-    describes a column.
+    its logarithm, at a load over the logarithm of the load. A leak rate is at the load that has this leak. A state
+    beyond the steps is an error. Several surfaces are shown by their mean; --csv and --json have each of them. An
+    ensemble has its means last. `roughvol explain NAME` describes a column.
     """
     from roughvol.analysis.stored_run import Run
     from roughvol.questions import opened

@@ -236,7 +236,7 @@ def test_a_place_lies_between_two_steps_or_on_one() -> None:
     assert place_of(values, 4.0, 1e-6) is None
     names = ("free_volume", "flow_index", "openness")  # quantities of a user begin as a flow and as a way
     group = Dataset({name: (("seed", "step"), values[np.newaxis]) for name in names}, coords={"step": [1, 2, 3, 4]})
-    there = between(group, [0], [2.5], values[np.newaxis], np.array([True]))
+    there = between(group, [0], [2.5], values[np.newaxis], is_load=True)
     assert [float(there[name][0]) for name in names] == [2.0, 2.0, 2.0]
 
 
@@ -406,6 +406,18 @@ def test_the_larger_leak_at_a_leak_rate_is_this_rate(smaller: float, order: int)
     for rate in (2e-8, 1e-7, 4e-7):
         found = ds.isel(step=[0, 1][::order]).roughvol.at(f"leak_rate={rate} mm^3/s")
         assert_allclose(found.leak_rate.max("axis"), rate, rtol=1e-9)
+
+
+def test_a_state_of_a_leak_rate_is_at_the_load_that_ask_finds() -> None:
+    """On few steps, one way closes at its solved load where the other is open."""
+    ds = roughvol.open("seal").isel(seed=[1], step=slice(None, None, 2))
+    leaks = ds.leak_rate.squeeze().values
+    for rate in np.geomspace(leaks.min(axis=0).max(), leaks[0].min(), 9)[1:-1].tolist():
+        answers = roughvol.ask(ds, leak_rate=f"{rate} mm^3/s").answers
+        for kind, axes in (("leak_rate_x", [0]), ("leak_rate_y", [1]), ("leak_rate", [0, 1])):
+            found = ds.roughvol.at(f"{kind}={rate} mm^3/s")
+            assert_allclose(found.leak_rate.isel(axis=axes).max("axis"), rate, rtol=1e-9)
+            assert_allclose(found.nominal_pressure, max(answers[k].value for k in axes), rtol=1e-9)
 
 
 def test_the_order_of_axes_changes_no_state_of_a_leak_rate(tmp_path: Path) -> None:
