@@ -156,7 +156,8 @@ def parts_of(results: Dataset) -> list[Part]:
         others = tuple(ending for words, ending in endings.items() if words != variant.words)
         part = results.sel(labels).drop_vars(held)
         if not variant.study.material.yields:
-            part = part.drop_vars([name for name in part.data_vars if str(name).endswith(OF_YIELD)])
+            of_states = [f"{dim}_{name}" for dim in STATES for name in OF_YIELD]
+            part = part.drop_vars([*OF_YIELD, *of_states], errors="ignore")
         part = part.assign_attrs(study=variant.study.stored())
         for name, of_all in lines.items():
             own = (line.removesuffix(endings[variant.words]) for line in of_all if not line.endswith(others))

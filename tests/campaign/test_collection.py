@@ -241,8 +241,14 @@ def test_ends_regions_materials_filters_and_hardness_are_axes() -> None:
     found = parts_of(ds)
     assert len(found) == 16
     assert all("low_pass" not in part.dataset.dims for part in found)
-    hard = loads(MADE + "material: {E_star: 10 MPa, hardness: [none, 5 MPa]}\nsweep: {steps: 1}", "hard.yaml")
-    assert np.isinf(roughvol.run(hard, jobs=1).hardness.values[-1])
+    text = "material: {E_star: 10 MPa, hardness: [none, 5 MPa]}\nsweep: {steps: 1}\n"
+    hard = loads(f"{MADE}{text}record: {{own: {{own_plastic_volume: sys:getsizeof}}}}", "hard.yaml")
+    ds = roughvol.run(hard, jobs=1)
+    assert np.isinf(ds.hardness.values[-1])
+    own, of_yield = (
+        [name in part.dataset for part in parts_of(ds)] for name in ("own_plastic_volume", "plastic_volume")
+    )
+    assert (own, of_yield) == ([True, True], [False, True])
 
 
 def test_cases_without_lists_keep_their_id() -> None:
