@@ -80,7 +80,19 @@ def test_rings_and_blocks_conduct_as_the_whole_sheet_does(seed: int, shape: tupl
     assert_allclose(found, np.median(whole), rtol=within)
 
 
+def test_a_seal_of_equal_patches_conducts_as_its_patch() -> None:
+    for shape in ((1, 1), (4, 240), (40, 4000)):
+        found = seal.conductance_of(np.full((3, 1, 2), 2.5), shape, isotropic=True)
+        assert_allclose((found.value, found.low, found.high), 2.5, rtol=1e-5)
+
+
 # intervals
+
+
+def test_one_scan_has_no_interval() -> None:
+    found = seal.conductance_of(patches(1, 0.5, 8), (4, 240), isotropic=False)
+    assert found.value > 0.0
+    assert math.isnan(found.high)
 
 
 @pytest.mark.parametrize(("scans", "scatter"), [(3, 1.5), (10, 1.0)])
