@@ -174,6 +174,25 @@ def test_whatever_stands_for_a_unit_is_read_or_refused(unit: str, where: str) ->
 # Writing it out again
 
 
+UNITS = """\
+surface: {D: 2.3, m: 4, L: 100 um, Sq: 0.5 um}
+material: {E_star: 10 MPa, hardness: 1 bar}
+record:
+  transport: {transmissivity: last, constriction: last}
+  region_widths: {shares: [1, 0.5], at: last, transmissivity: {step: 4}}
+  dimensional: {pressure: MPa, critical_gap: nm, leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit: ml/min}}
+"""
+
+
+@pytest.mark.parametrize("text", [SURFACE, FULL, UNITS, SURFACE + "name: '1e5'\nsweep: {to: {contact_area: 0.1}}"])
+def test_the_resolved_study_reads_back_equal(text: str) -> None:
+    study = loads(text)
+    written = study.to_yaml()
+    assert loads(written) == study
+    assert loads(written).to_yaml() == written
+    assert loads(written).cases() == study.cases()
+
+
 def test_the_resolved_study_names_every_key() -> None:
     study = loads(SURFACE)
     written = yaml.safe_load(study.to_yaml())
