@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 from xarray import Dataset, Variable
 
-from roughvol.analysis.leak import EVIDENCE, counted, is_open
+from roughvol.analysis.leak import EVIDENCE, counted, is_counted, is_open
 from roughvol.analysis.units import sigma
 from roughvol.errors import ContactError, DatasetError
 from roughvol.observables.stiffness import contact_conductance, harmonic_conductivity, interfacial_stiffness
@@ -40,7 +40,7 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
         found["nominal_pressure"] = nominal
     evidence = [ds.variables[name] for name in EVIDENCE if name in ds]
     known = [is_open(flow) for flow in evidence if not np.isnan(flow.values).all()]
-    if known:  # a record may have them at different steps
+    if known and not is_counted(ds):  # a record may have them at different steps
         values = [ways.transpose(*known[0].dims).values for ways in known]
         found["open"] = known[0].copy(data=functools.reduce(lambda a, b: np.where(np.isnan(a), b, a), values))
     return counted(ds.assign(found))

@@ -54,16 +54,21 @@ def gas_of(ds: Dataset) -> str:
 
 def is_lifted(ds: Dataset) -> bool:
     """Return whether a run has states under fluid pressure, so that the dry leak is not the leak."""
-    return STATE in ds.dims or "flow" in ds or any(f"{name}_dry" in ds for name in DRY)
+    return STATE in ds.dims or is_counted(ds)
+
+
+def is_counted(ds: Dataset) -> bool:
+    """Return whether flows under fluid pressure have the names of `counted`."""
+    return "flow" in ds or any(f"{name}_dry" in ds for name in DRY)
 
 
 def counted(ds: Dataset) -> Dataset:
-    """Return a run whose flows are those that count; without fluid pressure the run itself.
+    """Return a run whose flows are those that count; without fluid pressure, or counted before, the run itself.
 
     Under fluid pressure flows of the dry gap are named ``…_dry``. ``leak_rate``, or without units ``flow`` (T* V*³),
     has the lifted leak at the steps whose load is that of a recorded state, and is missing elsewhere.
     """
-    if STATE not in ds.dims:
+    if STATE not in ds.dims or is_counted(ds):
         return ds
     if _stored(ds) and (lost := [name for name in OF_LIFTED if name not in ds]):
         raise DatasetError(f"the dataset has no {lost[0]}; allowed: all variables of a run under fluid pressure")

@@ -164,6 +164,22 @@ def test_what_follows_from_a_step_or_a_part_of_the_variables_is_derived() -> Non
     assert np.array_equal(part["nominal_pressure"], ds["nominal_pressure"])
 
 
+def test_what_is_derived_twice_stays_under_fluid_pressure() -> None:
+    heights = np.random.Generator(np.random.PCG64(5)).normal(size=(9, 9))
+    record = {
+        "transport": {"transmissivity": "every-step"},
+        "fluid_pressure": {"inlet": "1 bar", "at": "last"},
+        "dimensional": {"leak_rate": {"pressure_drop": "1 bar", "viscosity": "1 mPa*s", "unit": "mm^3/s"}},
+    }
+    once = roughvol.press(
+        heights, L="100 um", E_star="10 MPa", to={"pressure": "0.5 MPa"}, steps=2, record=record
+    ).roughvol.derived()
+    last = once.roughvol.at("last")
+    for first, again in ((once, once.roughvol.derived()), (last, last.roughvol.derived())):
+        for name in ("leak_rate", "leak_rate_dry", "open", "open_dry"):
+            assert np.array_equal(again[name], first[name], equal_nan=True), name
+
+
 @pytest.mark.parametrize(
     ("choose", "word"),
     [
