@@ -22,7 +22,7 @@ TOO_LARGE = f"larger than {MAX_BYTES // 1024} KiB: heights belong in a file of t
 
 PLAIN = {  # by words of PyYAML
     r"'\t'": "a tab; allowed: blanks",
-    "mapping values": "a colon too many; allowed: keys of one section indented alike, a blank behind each of their "
+    "mapping values": "a colon out of place; allowed: keys of one section indented alike, a blank behind each of their "
     "colons, a value with a colon in quotes",
     "'<block mapping start>'": "another indentation; allowed: keys of one section indented alike",
 }
