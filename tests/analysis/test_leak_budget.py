@@ -393,6 +393,12 @@ def test_a_card_without_units_has_the_budget_of_the_same_map_with_units(tmp_path
 # loads
 
 
+@pytest.mark.parametrize(("text", "kind"), [("mean_gap=600 nm", "free_volume"), ("separation=0.6 um", "separation")])
+def test_a_load_may_have_a_unit(text: str, kind: str, tmp_path: Path) -> None:
+    found = _pressed(RUBBER.replace("steps: 20", "steps: 2"), parse(text), tmp_path).dataset[f"flux_at_{kind}"]
+    assert_allclose(found, 1.5, rtol=1e-5)  # Sq is 0.4 um
+
+
 def test_each_leg_of_a_path_has_its_own_leak(tmp_path: Path) -> None:
     text = PATH.replace("MATERIAL", "E: 200 GPa, nu: 0.3, hardness: 5 GPa")
     text = text.replace("LEGS", "{steps: 2, to: {pressure: 1.0}}, {steps: 2, to: {pressure: 0.1}}")
