@@ -120,6 +120,7 @@ def test_a_change_of_a_key_is_that_of_the_run_or_an_error() -> None:
         (("init", "sael"), "did you mean 'seal'"),
         (("explain", "surface.fiel"), "did you mean 'surface.file'"),
         (("run", "tiny.yaml", "--figures", "fig5"), "did you mean 'fig05'"),
+        (("run", "tiny.yaml", "--figures", ""), "no figure ''"),
         (("show", "tiyn"), "no results of 'tiyn': .*; did you mean 'tiny'?"),
         (("run", "tiny.yml"), "did you mean 'tiny.yaml'?"),
         (("run", "tiny.yamll"), "did you mean 'tiny.yaml'?"),

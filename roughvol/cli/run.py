@@ -68,7 +68,7 @@ def run(
 
     loaded, folder = study_of(given(study, changes), changes)
     folder = out or folder
-    only = roughvol.plotting.needed(figures.split(","), loaded.cases()) if figures else None
+    only = roughvol.plotting.needed(figures.split(","), loaded.cases()) if figures is not None else None
     last: Progress | None = None
 
     def follow(now: Progress) -> None:
