@@ -246,6 +246,10 @@ def test_bad_heights_are_refused_and_nothing_is_written(here: Path) -> None:
         assert (done.exit_code, done.stdout) == (2, ""), done.stderr
         assert "z.txt" in done.stderr
     assert sorted(path.name for path in here.iterdir()) == ["bad.yaml", "z.txt"]
+    np.save("good.npy", np.eye(3))
+    Path("bad.yaml").write_text("surface: {file: good.npy, L: 1 mm,\n  against: {file: z.npy}}\nsweep: {steps: 2}")
+    np.save("z.npy", np.full((3, 3), np.nan))
+    assert "bad.yaml:2: surface.against.file: " in refused("check", "bad.yaml")
 
 
 @pytest.mark.usefixtures("here")
