@@ -123,15 +123,19 @@ def _sentence(estimate: MeanEstimate, D: float, m: int) -> str:
         state = "" if target.state == PERCOLATION else " at the last step"
     if estimate.converges:
         resolution = f"resolution {_relative(estimate, estimate.bias)}"
+    elif len(estimate.level_means) == 1:
+        resolution = "resolution: not known from one level"
     else:
         resolution = f"resolution: does not converge with m, this is the value at m = {m}"
     certified = estimate.solver_error > 0.0
     solver = f"solver {_relative(estimate, estimate.solver_error)} certified" if certified else "solver not certified"
+    freedom = f"seeds, 95 % t interval, {mean.freedom:.0f} degrees of freedom"
+    scatter = freedom if math.isfinite(mean.freedom) else "the same on all seeds"
     request = "" if estimate.reached else f"; asked for ± {target.accuracy}"
     return (
         f"mean {target.symbol}{state}, D = {D:g}, m = {m}: "
         f"{mean.value:.5g} ± {_relative(estimate, mean.half_width)} "
-        f"(seeds, 95 % t interval, {mean.freedom:.0f} degrees of freedom), {resolution}, "
+        f"({scatter}), {resolution}, "
         f"between steps {_relative(estimate, estimate.interpolation_error)}, {solver}{request}"
     )
 

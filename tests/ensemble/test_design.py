@@ -107,11 +107,13 @@ def test_a_mean_without_a_limit_at_a_given_m_says_so() -> None:
     found = _driven(asked(8, "2 %"), made({m: 0.7**m for m in range(4, 9)}))
     assert "does not converge with m, this is the value at m = 8" in answer.sentences(found)[0]
     assert np.isnan(answer.variables(found)["free_volume_bias"][1]).all()
+    (alone, *_) = answer.sentences(_driven(asked(1, "5 %"), made({1: 1.0})))
+    assert "resolution: not known from one level" in alone
 
 
 def test_a_mean_of_zero_on_all_surfaces_is_zero_without_an_error() -> None:
     found = _driven(asked(5, "5 %"), made(dict.fromkeys((3, 4, 5), 0.0)))
-    assert "m = 5: 0 ± 0 (seeds" in answer.sentences(found)[0]
+    assert "m = 5: 0 ± 0 (the same on all seeds)" in answer.sentences(found)[0]
 
 
 def test_a_budget_ends_it_and_says_what_was_reached() -> None:
