@@ -64,10 +64,13 @@ def hysteresis(run: Run, group: Dataset, several: str = "") -> Iterator[Table]:
     for share in SHARES:
         states = [_at(run, group, leg, share * top) for leg in legs]
         for name in names:
-            values = [list(_by_seed(state, name).values()) for state in states]
+            values = _of_one_set([_by_seed(state, name) for state in states])
             rows.append((number(share * top), _symbol(curves[legs[0]], name), *(_one(name, value) for value in values)))
     title = "On every leg of the path" + (f", {several}" if several else "")
-    note = "At equal p*, interpolated between steps; over the surfaces that reach it the mean, of leaks the median."
+    note = (
+        "At equal p*, interpolated between steps. Means, of leaks the median, over the surfaces that every leg with a "
+        "number brings there."
+    )
     yield Table(title, ("p*", "quantity", *(f"leg {leg}" for leg in legs)), tuple(rows), note)
 
 
@@ -161,6 +164,13 @@ def _by_seed(state: Dataset | None, name: str) -> dict[int, float]:
         return {}
     seeds = state["seed"].values.tolist() if "seed" in state.coords else [0]
     return dict(zip(seeds, state[name].values.tolist(), strict=True))
+
+
+def _of_one_set(legs: Sequence[dict[int, float]]) -> list[list[float]]:
+    """Return the numbers, leg by leg, of the surfaces that have a number on every leg with numbers."""
+    known = [{seed: value for seed, value in leg.items() if np.isfinite(value)} for leg in legs]
+    shared = set.intersection(*found) if (found := [set(leg) for leg in known if leg]) else set()
+    return [[value for seed, value in leg.items() if seed in shared] for leg in known]
 
 
 def _one(name: str, values: ArrayLike) -> str:

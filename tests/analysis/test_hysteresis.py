@@ -66,6 +66,21 @@ def test_a_way_is_closed_on_every_leg_from_its_solved_closing_load_on(tmp_path: 
         assert [float(cell) == 0.0 for cell in cells] == [p >= load] * 2, (p, load)
 
 
+def test_every_leg_has_the_numbers_of_the_same_surfaces(tmp_path: Path) -> None:
+    sweep = "sweep=[{steps: 4, to: {pressure: 0.2 MPa}}, {steps: 4, to: {contact_area: 0.36}}]"
+    run = _made("path", tmp_path, sweep)
+    ((_, group),) = groups(derived(run.dataset, run.study))
+    (table,) = hysteresis(run, group)
+    rows = [cells for cells in table.rows if cells[1] == "V*" and cells[3]]
+    reached = 0
+    for p, _, *found in rows:
+        up, down = (run.dataset.roughvol.at(f"p={p}, leg {leg}").squeeze() for leg in (1, 2))
+        reached += int(down.reached.sum())
+        expected = [float(one.free_volume.where(down.reached).mean()) for one in (up, down)]
+        assert_allclose([float(cell) for cell in found], expected, rtol=1e-3)  # four digits
+    assert reached < 2 * len(rows)
+
+
 def test_two_runs_are_compared_by_the_leak_of_their_states(tmp_path: Path) -> None:
     sweep = "sweep={pressures: [0.05 MPa, 0.1 MPa, 0.15 MPa, 0.2 MPa]}"
     runs = [_made(name, tmp_path, CLOSING, sweep, *hard) for name, hard in {"elastic": (), "metal": (HARD,)}.items()]
