@@ -251,3 +251,11 @@ def test_a_figure_of_a_path_marks_where_each_leg_closes_and_opens() -> None:
     load, flow = np.arange(6.0), np.array([0.0, 0.0, 3.0, 2.0, 1.0, 0.0])
     assert list(yielding._ends(load, flow)) == [((2.0, 3.0), 1.0), ((4.0, 1.0), 5.0)]
     assert not list(yielding._ends(load, flow + 1.0))
+
+
+def test_the_elements_of_a_map_of_yield_have_their_nodes_at_the_centre() -> None:
+    heights = np.random.Generator(np.random.PCG64(2)).normal(size=(6, 9))
+    record = {"heights": True, "residual_heights": True}
+    ds = roughvol.press(heights, L=1.0, E_star=1.0, hardness=0.5, to={"pressure": 0.2}, steps=2, record=record)
+    (image,) = roughvol.plot(ds, "yielded_map").axes[0].images
+    assert image.get_extent() == pytest.approx([-0.1, 1.1, -0.1, 1.7])

@@ -121,7 +121,7 @@ class Design:
         costs = {D: row[0].costs for D, row in estimates.items()}
         planned, reduced = within_budget(budget - spent, spent, self.counts, planned, costs)
         if reduced:
-            self.stopped = f"stopped by the budget of {budget} after the accuracy was not yet reached"
+            self.stopped = f"stopped by the budget of {budget}, before the accuracy was reached"
         return None if reduced and planned == self.counts else planned
 
     def _all(self) -> Iterator[tuple[float, MeanEstimate]]:

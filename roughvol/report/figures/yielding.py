@@ -100,7 +100,8 @@ def yielded_map(ds: Dataset) -> Drawing:
     fig, ax = axes(PAGE * 0.55, 3.4)
     yielded = np.where(depth.values > 0.0, depth.values, np.nan)
     x, y = depth["x"].values, depth["y"].values
-    extent = (x[0], x[-1], y[0], y[-1])
+    half = x[1] / 2  # a node is the centre of its element
+    extent = (-half, x[-1] + half, -half, y[-1] + half)
     image = ax.imshow(yielded.T, origin="lower", extent=extent, cmap="viridis_r", interpolation="none")
     fig.colorbar(image, ax=ax, label=r"plastic displacement $u_\mathrm{pl}/\sigma$", shrink=0.85)
     share = float(np.isfinite(yielded).mean())
