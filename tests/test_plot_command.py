@@ -240,6 +240,14 @@ def test_a_leak_in_a_figure_has_its_pressure_drop_and_viscosity() -> None:
     assert "ressure drop" not in _note("leaking", "flow_of_p")
 
 
+def test_a_figure_of_leaks_says_that_they_are_those_of_a_patch_of_a_seal() -> None:
+    ran("sealed", f"{TWO}seal: {{length: 12 mm, width: 1 mm}}\n")
+    for name in ("leak_of_p", "seal_leak_rate"):
+        assert "The leak of a patch, not of the seal." in _note("sealed", name)
+        assert "seal." not in _note("leaking", name)
+    assert "seal." not in _note("sealed", "flow_of_p")
+
+
 def test_every_figure_of_the_first_leg_of_a_path_says_so() -> None:
     for name in ("v_of_p", "fig04a", "seal_leak_rate"):
         assert "Leg 1 of a path" in _note("loops", name)

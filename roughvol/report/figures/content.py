@@ -35,7 +35,7 @@ from roughvol.observables.variables import AXES, QUANTITIES
 from roughvol.report.figures import ways
 from roughvol.report.figures.curves import plot, shown
 from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held, named, several
-from roughvol.report.figures.origin import dry_note, fluid_note, lacking, leg_note, surfaces, written
+from roughvol.report.figures.origin import dry_note, fluid_note, lacking, leg_note, patch_note, surfaces, written
 from roughvol.report.figures.style import (
     GREY,
     LABELS,
@@ -159,6 +159,7 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
                 notes = _fluids(ready, fluid_of, fluid_note(ready[0].dataset), "Pressure drop and viscosity differ")
             elif y == "gas_leak_rate" and (gas := gas_of(ready[0].dataset)):
                 notes = _fluids(ready, gas_of, [f"Gas: {gas}."], "Gases differ")
+            notes += patch_note([run.dataset for run in ready], (y,))
         else:
             log = y_key in LOGARITHMIC
             members = [[_positive(curve) if log else curve for curve in curves(f, x, y)] for f in some]

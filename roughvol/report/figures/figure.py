@@ -15,7 +15,7 @@ from xarray import Dataset
 from roughvol.analysis.legs import first_leg
 from roughvol.errors import DatasetError
 from roughvol.report.figures.cases import CASES, Rule, by_D
-from roughvol.report.figures.origin import dry_note, lacking, leg_note, origin, written
+from roughvol.report.figures.origin import dry_note, lacking, leg_note, origin, patch_note, written
 from roughvol.report.figures.style import STYLE, Drawing
 
 BAND = " Thin lines are single surfaces; the band is one standard deviation to both sides of their mean."
@@ -78,7 +78,8 @@ class Figure:
             figure = self.draw(ds if self.every_leg else first_leg(ds))
             if "L" in ds:
                 leg = [] if self.every_leg else leg_note(ds, self.needs)
-                figure.note(" ".join([self.origin(ds, figure.shown), *leg, *written(ds), *dry_note([ds])]))
+                gap = [*dry_note([ds]), *patch_note([ds], self.needs)]
+                figure.note(" ".join([self.origin(ds, figure.shown), *leg, *written(ds), *gap]))
             return figure
 
 

@@ -14,10 +14,12 @@ from roughvol.observables.variables import STATES
 from roughvol.report.figures.families import file_text, held
 from roughvol.report.figures.style import unit_of
 from roughvol.store.record_key import record_key
+from roughvol.store.variants import study_in
 from roughvol.study import Region
 
 SHOWN = 3  # files that are named
 WHOLE = Region().label
+LEAKS = {"leak_rate", "gas_leak_rate"}
 
 
 def run_name(ds: Dataset) -> str:
@@ -91,6 +93,12 @@ def leg_note(ds: Dataset, names: Sequence[str]) -> list[str]:
     """Return that a figure shows leg 1, where numbers that it needs are those of steps or states of a path."""
     along = {dim for name in names if name in ds for dim in ds[name].dims}
     return ["Leg 1 of a path; path_loops draws every leg."] if "leg" in ds and along & {"step", *STATES} else []
+
+
+def patch_note(datasets: Sequence[Dataset], names: Sequence[str]) -> list[str]:
+    """Return that leaks are those of a patch, where a figure shows leaks and any of the studies has a seal."""
+    seals = [study.seal for ds in datasets if (study := study_in(ds))] if LEAKS & set(names) else []
+    return ["The leak of a patch, not of the seal."] if any(seals) else []
 
 
 def dry_note(datasets: Sequence[Dataset]) -> list[str]:
