@@ -90,12 +90,13 @@ class States:
         surfaces = [row.state.surfaces for row in self.rows]
         over = f"{surfaces[0]} surfaces" if len(set(surfaces)) == 1 else "the surfaces of a row"
         counts = any(name.startswith("open_") for name in self.columns)
-        several, dry = max(surfaces, default=1) > 1, any(leak.is_lifted(row.state.data) for row in self.rows)
+        several = max(surfaces, default=1) > 1
+        lifted = self._by_run(lambda row: leak.DRY_NOTE if leak.is_lifted(row.state.data) else "")
         return sentences(
             {
                 f"Mean over {over}{'; open ways are counted' * counts}.": several,
                 f"Flows: {IN_WORDS}.": several and any(map(is_flow, self.columns)),
-                leak.DRY_NOTE: dry,
+                **{run + note: True for note, run in lifted.items()},
             }
         )
 

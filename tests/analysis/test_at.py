@@ -151,6 +151,7 @@ def test_a_step_that_ends_short_of_a_recorded_load_has_the_lifted_leak_there() -
 def test_notes_under_fluid_pressure_name_the_gap_of_loads_and_leaks() -> None:
     assert "The loads are those of the dry gap." in said("run", "lift.yaml")
     assert "Q is the leak of the lifted gap" in said("show", "lift", "--at", "last")
+    assert "lift: record.fluid_pressure lifts the gap" in said("compare", "lift", "flux", "--at", "last")
 
 
 @pytest.mark.parametrize("x", ["nominal_pressure", "free_volume"])
