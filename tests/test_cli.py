@@ -262,5 +262,6 @@ def test_an_interrupted_command_that_stores_nothing_promises_nothing(monkeypatch
     assert (done.exit_code, done.stderr) == (130, "interrupted\n")
 
 
+@pytest.mark.usefixtures("here")
 def test_plot_without_runs_says_how_to_make_one() -> None:
     assert "roughvol run STUDY" in refused("plot")
