@@ -19,7 +19,7 @@ patch. So it lies between two seals: all patches at the lower ends of their read
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -214,15 +214,17 @@ def patch_of(run: Dataset) -> Patch | None:
 def closings(run: Dataset, axis: str, load: str) -> list[tuple[str, Span, Dataset]]:
     """Return where the last way of each surface closes, and the surface; of a seal, where the seal closes.
 
-    The run has surfaces of one kind with the ways of `derived.derived`; the load is a variable of it.
+    The run has surfaces of one kind with the ways of `derived.derived`; the load is a variable of it. A `StudyError`
+    refuses a surface whose ways are not known.
     """
     tables, patch = surfaces(run), patch_of(run)
     found = {
         way: [(name, span, table) for name, table in tables for span in spans(table.expand_dims("seed"), way, load)]
         for way in (AXES if patch is not None else [axis])
     }
+    _check_known(tables, {way: [name for name, _, _ in each] for way, each in found.items()}, "way")
     own = found[axis]
-    if patch is None or not own:
+    if patch is None:
         return own
     loads = [[(span.open_up_to, span.closed_from) for _, span, _ in found[way]] for way in patch.axes]
     span = Span(*(_sheet_closes(tables, patch, end) for end in np.transpose(loads)))
@@ -258,12 +260,16 @@ def curves(run: Dataset) -> dict[str, list[Curve]]:
     """
     patch, tables = patch_of(run), surfaces(run)
     found = {axis: _of_surfaces(tables, axis) for axis in axes(run)}
-    for axis, each in found.items():
-        known = [curve.surface for curve in each]
+    _check_known(tables, {axis: [curve.surface for curve in each] for axis, each in found.items()}, "leak")
+    return found if patch is None else {patch.seal.flow: [_of_seal(run, tables, patch)]}
+
+
+def _check_known(tables: list[tuple[str, Dataset]], found: Mapping[str, list[str]], what: str) -> None:
+    """Refuse surfaces of which nothing is known along an axis."""
+    for axis, known in found.items():
         if missing := [name for name, _ in tables if name not in known]:
             of = f" of {', '.join(missing)}" if known else ""
-            raise refused(f"the run has no stored leak{of} along {axis}; record the flow at every step")
-    return found if patch is None else {patch.seal.flow: [_of_seal(run, tables, patch)]}
+            raise refused(f"the run has no stored {what}{of} along {axis}; record the flow at every step")
 
 
 def _of_surfaces(tables: list[tuple[str, Dataset]], axis: str) -> list[Curve]:

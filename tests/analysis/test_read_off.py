@@ -302,6 +302,11 @@ def test_without_an_answer_the_sweep_goes_on(swept: Dataset, largest: float) -> 
 NO_FLOW = "the run has no transmissivity, so the leak at another Sq is not known"
 
 
+def _without_ways(ds: Dataset) -> Dataset:
+    """The flow and the ways of one surface are not known."""
+    return ds.assign({name: ds[name].where(ds["seed"] > 0) for name in ds.data_vars if "axis" in ds[name].dims})
+
+
 @pytest.mark.parametrize(
     ("question", "words"),
     [
@@ -310,6 +315,7 @@ NO_FLOW = "the run has no transmissivity, so the leak at another Sq is not known
         (lambda ds: read_off.ask(ds, 1.0, "Sq"), "the load is needed, .* as pressure="),
         (lambda ds: read_off.ask(ds.drop_vars("transmissivity"), 1.0, "Sq", pressure=0.1), NO_FLOW),
         (lambda ds: read_off.ask(ds.isel(D=[0, 0]), 1.0, "pressure"), r"several D \(2\.2, 2\.2\); allowed"),
+        (lambda ds: read_off.ask_closed(_without_ways(ds), "pressure"), "no stored way of seed 0 along x; record"),
         (lambda ds: read_off.nominal_of(ds, parse("contact_area=0.1")), r"as pressure=0\.5MPa, load=20N or last"),
     ],
 )
