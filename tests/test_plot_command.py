@@ -241,7 +241,10 @@ def test_a_leak_in_a_figure_has_its_pressure_drop_and_viscosity() -> None:
 
 
 def test_a_figure_of_leaks_says_that_they_are_those_of_a_patch_of_a_seal() -> None:
-    ran("sealed", f"{TWO}seal: {{length: 12 mm, width: 1 mm}}\n")
+    for run, text in (("sealed", TWO), ("sealed_loops", LOOPS)):
+        ran(run, f"{text}seal: {{length: 12 mm, width: 1 mm}}\n")
+    title = roughvol.plot("sealed_loops", "path_loops").legends[0].get_title().get_text()
+    assert title.endswith("; the leak of a patch, not of the seal")
     for name in ("leak_of_p", "seal_leak_rate"):
         assert "The leak of a patch, not of the seal." in _note("sealed", name)
         assert "seal." not in _note("leaking", name)

@@ -13,13 +13,13 @@ from roughvol.analysis.tables import range_text
 from roughvol.observables.variables import STATES
 from roughvol.report.figures.families import file_text, held
 from roughvol.report.figures.style import unit_of
+from roughvol.store.dimensional import LEAKS
 from roughvol.store.record_key import record_key
 from roughvol.store.variants import study_in
 from roughvol.study import Region
 
 SHOWN = 3  # files that are named
 WHOLE = Region().label
-LEAKS = {"leak_rate", "gas_leak_rate"}
 
 
 def run_name(ds: Dataset) -> str:
@@ -97,7 +97,7 @@ def leg_note(ds: Dataset, names: Sequence[str]) -> list[str]:
 
 def patch_note(datasets: Sequence[Dataset], names: Sequence[str]) -> list[str]:
     """Return that leaks are those of a patch, where a figure shows leaks and any of the studies has a seal."""
-    seals = [study.seal for ds in datasets if (study := study_in(ds))] if LEAKS & set(names) else []
+    seals = [study.seal for ds in datasets if (study := study_in(ds))] if set(LEAKS) & set(names) else []
     return ["The leak of a patch, not of the seal."] if any(seals) else []
 
 

@@ -20,6 +20,7 @@ from roughvol.analysis.tables import spread
 from roughvol.observables.variables import columns_of
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import families, named, own, several, single
+from roughvol.report.figures.origin import patch_note
 from roughvol.report.figures.style import DASHES, GREY, LABELS, PAGE, A, Drawing, P, V, axes, unit_of
 from roughvol.report.figures.ways import closed_handles, closing
 from roughvol.typing import Array
@@ -77,7 +78,8 @@ def path_loops(ds: Dataset) -> Drawing:
     number = several(family.surfaces for family in some)
     words = [title, f"mean of {number} surfaces, of leaks the median" if number else ""]
     if further is not None and further[0] == "leak_rate":
-        words.append(fluid_of(ds).replace("*", " "))
+        of_patch = (note.lower().removesuffix(".") for note in patch_note([ds], [further[0]]))
+        words += [fluid_of(ds).replace("*", " "), *of_patch]
     fig.legend(handles=handles, title="; ".join(filter(None, words)) or None, loc="outside upper center", ncols=8)
     fig.shown = shown(some)
     return fig
