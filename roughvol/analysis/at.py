@@ -45,7 +45,7 @@ WAYS = ("open", "open_dry", "percolates")  # a way that closes between two steps
 MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V, "mean_plane_separation": "separation"}
 LEAK = "leak_rate"
 LOAD_KINDS = ("pressure", "load")
-HALVINGS = 60  # of the way between two steps: a place has 53 bits
+HALVINGS = 40  # of the way between two steps: to 1e-12 of it
 RULE = (
     "Between steps: monotone cubics over the quantity asked for, of a leak rate over the load; of a flow or an opening "
     "its logarithm, over log(load) at a load. A way that closes between two steps leaks along a straight line to 0 at "
