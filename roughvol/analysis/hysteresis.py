@@ -68,8 +68,8 @@ def hysteresis(run: Run, group: Dataset, several: str = "") -> Iterator[Table]:
             rows.append((number(share * top), _symbol(curves[legs[0]], name), *(_one(name, value) for value in values)))
     title = "On every leg of the path" + (f", {several}" if several else "")
     note = (
-        "At equal p*, interpolated between steps. Means, of leaks the median, over the surfaces that every leg with a "
-        "number brings there."
+        "At equal p*, interpolated between steps. Means over the surfaces that have a number on every leg shown, of "
+        "leaks the median."
     )
     yield Table(title, ("p*", "quantity", *(f"leg {leg}" for leg in legs)), tuple(rows), note)
 

@@ -72,8 +72,9 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
         if made:  # an argument of Python, which the caller names
             raise
         key = "surface.file" if len(given.each) == 1 else "surface.files"
-        if given.against is not None and str(error).startswith(f"{given.against.file}: "):
-            key = key if given.against.file == given.file else "surface.against.file"
+        body = given.against
+        if body is not None and body.file != given.file and str(error).startswith(f"{body.file}: "):
+            key = "surface.against.file"
         with study.placing():
             raise StudyError([Problem(str(error), key)]) from error
     return surface

@@ -143,11 +143,11 @@ def _mean(law: Law, g: float, one: float, other: float) -> float:
     high, low = max(one, other), min(one, other)
     if not law.kinetic:
         return 0.5 * g**3 * (high + low) + law.slip * g**2
-    per = 0.5 * math.sqrt(math.pi) / law.path * g
-    fit_ends = False  # between the pressures: f jumps there, by up to 0.3 %, and a quadrature with it
+    D = 0.5 * math.sqrt(math.pi) / law.path * g  # of the pressure 1
+    jumps = False  # f between the pressures, by up to 0.3 %: a quadrature would jump with it
     for start in STARTS[1:]:
-        fit_ends = fit_ends or per * low * (1.0 + APART) < start < per * high * (1.0 - APART)
-    if fit_ends or high - low > NEAR * high:
+        jumps = jumps or D * low * (1.0 + APART) < start < D * high * (1.0 - APART)
+    if jumps or high - low > NEAR * high:
         return _integral(law, g, high, low) / (high - low)
     centre, half = 0.5 * (high + low), 0.5 * (high - low) * math.sqrt(0.6)  # Gauss, three points
     ends = _local(law, g, centre - half) + _local(law, g, centre + half)

@@ -32,9 +32,9 @@ def interfacial_stiffness(pressure: ArrayLike, separation: ArrayLike) -> Array:
     K = -p/(dd/d ln p). The derivative of d over ln p is taken from three neighbouring states: centred differences on
     unequal steps, of second order, one-sided at both ends. Where such a parabola turns before its end, as at a kink
     before full contact, the straight line to the neighbour is taken there. For p ~ exp(-d/u) these differences are
-    exact. K is infinite where d no longer moves, and NaN where p is 0 or NaN, or with fewer than three states. A row
-    whose pressure does not rise or fall throughout has NaN. A `ContactError` refuses such rows alone. For K of rough
-    interfaces: Pastewka et al., Physical Review E 87 (2013) 062809.
+    exact. K is infinite where d no longer moves, and NaN where p is 0 or NaN, or with fewer than three states. A
+    surface whose pressure neither rises nor falls throughout has NaN. If no surface has a K for that reason, it is a
+    `ContactError`. For K of rough interfaces: Pastewka et al., Physical Review E 87 (2013) 062809.
     """
     p, d = np.asarray(pressure, dtype=np.float64), np.asarray(separation, dtype=np.float64)
     stiffness, turns = np.full(p.shape, np.nan), False
