@@ -236,7 +236,7 @@ def test_a_figure_says_which_gap_it_shows_and_of_what_its_points_are() -> None:
 def test_a_leak_in_a_figure_has_its_pressure_drop_and_viscosity() -> None:
     title = roughvol.plot("loops", "path_loops").legends[0].get_title().get_text()
     assert "pressure drop 5 mbar, viscosity 1 mPa s" in title
-    assert "Pressure drop 5 mbar, viscosity 1 mPa*s." in _note("leaking", "leak_of_p")
+    assert "Pressure drop 5 mbar, viscosity 1 mPa s." in _note("leaking", "leak_of_p")
     assert "ressure drop" not in _note("leaking", "flow_of_p")
 
 

@@ -27,7 +27,7 @@ from xarray import Dataset
 
 from roughvol.analysis import average
 from roughvol.analysis.derived import P, derived, is_pressed, lacks_states
-from roughvol.analysis.leak import LIFTED, fluid_of, gas_of, is_lifted
+from roughvol.analysis.leak import LIFTED, gas_of, is_lifted
 from roughvol.analysis.legs import first_leg
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
@@ -35,7 +35,16 @@ from roughvol.observables.variables import AXES, QUANTITIES
 from roughvol.report.figures import ways
 from roughvol.report.figures.curves import plot, shown
 from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held, named, several
-from roughvol.report.figures.origin import dry_note, fluid_note, lacking, leg_note, patch_note, surfaces, written
+from roughvol.report.figures.origin import (
+    dry_note,
+    fluid_note,
+    fluid_text,
+    lacking,
+    leg_note,
+    patch_note,
+    surfaces,
+    written,
+)
 from roughvol.report.figures.style import (
     GREY,
     LABELS,
@@ -156,7 +165,7 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
             _flow(ax, some, x, y, title)
             notes = []
             if y == "leak_rate":
-                notes = _fluids(ready, fluid_of, fluid_note(ready[0].dataset), "Pressure drop and viscosity differ")
+                notes = _fluids(ready, fluid_text, fluid_note(ready[0].dataset), "Pressure drop and viscosity differ")
             elif y == "gas_leak_rate" and (gas := gas_of(ready[0].dataset)):
                 notes = _fluids(ready, gas_of, [f"Gas: {gas}."], "Gases differ")
             notes += patch_note([run.dataset for run in ready], (y,))

@@ -12,7 +12,7 @@ from roughvol.analysis.legs import first_leg
 from roughvol.analysis.tables import range_text
 from roughvol.observables.variables import STATES
 from roughvol.report.figures.families import file_text, held
-from roughvol.report.figures.style import unit_of
+from roughvol.report.figures.style import unit_of, unit_text
 from roughvol.store.dimensional import LEAKS
 from roughvol.store.record_key import record_key
 from roughvol.store.variants import study_in
@@ -83,9 +83,14 @@ def written(ds: Dataset) -> list[str]:
     return [f"roughvol {version}, {date[:10]}."] if version and date else []
 
 
+def fluid_text(ds: Dataset) -> str:
+    """Return pressure drop and viscosity of the leak rates of a dataset as they are printed; empty without them."""
+    return unit_text(fluid_of(ds))
+
+
 def fluid_note(ds: Dataset) -> list[str]:
-    """Return pressure drop and viscosity of the leak rates of a dataset as a sentence; empty without them."""
-    words = fluid_of(ds)
+    """Return `fluid_text` as a sentence; empty without leak rates."""
+    words = fluid_text(ds)
     return [f"{words[:1].upper()}{words[1:]}."] if words else []
 
 

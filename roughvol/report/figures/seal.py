@@ -26,7 +26,7 @@ from roughvol.report.figures import ways
 from roughvol.report.figures.cases import SHOWN_D, nearest
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import Family, curves, families, own, several, single
-from roughvol.report.figures.origin import region_of
+from roughvol.report.figures.origin import fluid_text, region_of
 from roughvol.report.figures.style import GREY, LABELS, PAGE, A, Drawing, P, V, canvas, looks, plain_ticks, unit_of
 from roughvol.store.dataset import recorded_state
 
@@ -164,8 +164,7 @@ def seal_diffusivity(ds: Dataset) -> Drawing:
 
 def seal_leak_rate(ds: Dataset) -> Drawing:
     """Leak rate of the patch along x and y, at the pressure drop and viscosity of the study, and where it stops."""
-    fluid = leak.fluid_of(ds).replace("*", " ")
-    return _coefficient(ds, "leak_rate", f"leak rate [{unit_of(ds, 'leak_rate')}]", fluid)
+    return _coefficient(ds, "leak_rate", f"leak rate [{unit_of(ds, 'leak_rate')}]", fluid_text(ds))
 
 
 def seal_region(ds: Dataset) -> Drawing:

@@ -14,13 +14,13 @@ from matplotlib.lines import Line2D
 from xarray import Dataset
 
 from roughvol.analysis.average import averages
-from roughvol.analysis.leak import counted, fluid_of
+from roughvol.analysis.leak import counted
 from roughvol.analysis.legs import along
 from roughvol.analysis.tables import spread
 from roughvol.observables.variables import columns_of
 from roughvol.report.figures.curves import shown
 from roughvol.report.figures.families import families, named, own, several, single
-from roughvol.report.figures.origin import patch_note
+from roughvol.report.figures.origin import fluid_text, patch_note
 from roughvol.report.figures.style import DASHES, GREY, LABELS, PAGE, A, Drawing, P, V, axes, unit_of
 from roughvol.report.figures.ways import closed_handles, closing
 from roughvol.typing import Array
@@ -79,7 +79,7 @@ def path_loops(ds: Dataset) -> Drawing:
     words = [title, f"mean of {number} surfaces, of leaks the median" if number else ""]
     if further is not None and further[0] == "leak_rate":
         of_patch = (note.lower().removesuffix(".") for note in patch_note([ds], [further[0]]))
-        words += [fluid_of(ds).replace("*", " "), *of_patch]
+        words += [fluid_text(ds), *of_patch]
     fig.legend(handles=handles, title="; ".join(filter(None, words)) or None, loc="outside upper center", ncols=8)
     fig.shown = shown(some)
     return fig
