@@ -243,8 +243,7 @@ def _iterated(gap: Array, law: Law, outlet: float, periodic: bool, accuracy: flo
         change, last = abs(flow.dissipation / before - 1.0), change
         error = CAUTION * np.fmax(change, LAST * last) + flow.error  # a change may be small by chance
         if change <= LAST * accuracy and error <= accuracy:
-            unequal = max(abs(float(flow.down[line].sum()) - flow.dissipation) for line in (0, -1))
-            return flow.dissipation * drop, float(error), unequal / flow.dissipation, turn
+            return flow.dissipation * drop, float(error), flow.conservation_error, turn
         before, share = flow.dissipation, flow.pressure
         p = _pressures(law, np.where(gap > 0.0, share, 0.5), s_outlet, drop)
         beside = np.roll(p, -1, axis=1)

@@ -12,9 +12,10 @@ value may still be too large, so the excess is an estimate. flow.md compares it 
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import linalg
 
 from roughvol.errors import ConvergenceError
@@ -35,6 +36,7 @@ SMALLEST = 0.4  # eigenvalue of M A on wide gaps, until a step meets a smaller o
 LARGEST = 2.0  # eigenvalue of M A, where cycles alone converge.
 TINY = np.finfo(np.float64).tiny
 DIGITS = 1e-12  # of the energy of pressures that are wanted for themselves, six of the pressures
+Whole = NDArray[Any]  # numbers 0 and 1
 
 
 class Network:
@@ -51,31 +53,35 @@ class Network:
         return np.zeros(inflow.shape) if self.exact else self._inverse.nested(inflow)
 
     def solve(self, inflow: Array) -> Array:
-        """Return the pressures that drive an inflow of each element, to the `DIGITS` of their energy."""
-        return self._descended(inflow, lambda fallen: DIGITS * fallen, factors_alone=False)[0]
+        """Return the pressures that drive an inflow of each element, to the `DIGITS` of their energy.
 
-    def correction(self, inflow: Array, dissipation: float, accuracy: float, least: float = 0.0) -> tuple[Array, float]:
-        """Return the correction of pressures that leave an inflow, and the estimated error of the dissipation.
+        The array of the inflow is used up: it ends as the inflow that is left.
+        """
+        pressure = np.zeros(inflow.shape)
+        self._descend(pressure, inflow, lambda fallen: DIGITS * fallen, factors_alone=False)
+        return pressure
+
+    def correct(self, pressure: Array, left: Array, dissipation: float, accuracy: float, least: float = 0.0) -> float:
+        """Correct pressures that leave an inflow, and return the estimated error of the dissipation.
 
         The dissipation is that of the uncorrected pressures, the error over the dissipation of the corrected ones. An
-        error of ``least`` times the uncorrected dissipation is allowed as well.
+        error of ``least`` times the uncorrected dissipation is allowed as well. The array ``left`` is used up.
         """
-        pressure, left, fallen = self._descended(
-            inflow, lambda fallen: max(accuracy * (dissipation - fallen), least * dissipation)
+        to_come, fallen = self._descend(
+            pressure, left, lambda fallen: max(accuracy * (dissipation - fallen), least * dissipation)
         )
-        return pressure, left / (dissipation - fallen)
+        return to_come / (dissipation - fallen)
 
-    def _descended(
-        self, inflow: Array, allowed: Callable[[float], float], *, factors_alone: bool = True
-    ) -> tuple[Array, float, float]:
-        """Return the pressures, how far the dissipation may still fall, and how far it fell.
+    def _descend(
+        self, pressure: Array, left: Array, allowed: Callable[[float], float], *, factors_alone: bool = True
+    ) -> tuple[float, float]:
+        """Correct pressures; return how far the dissipation may still fall, and how far it fell.
 
         ``allowed`` maps the fall that was reached to the fall that may be left. Without convergence in `STEPS` steps
         the grid is factorised, or if it is too large, a `ConvergenceError` is raised. ``factors_alone`` are exact
         enough for a flow. Their rounding counts in a wide pocket with a closed rim, and gradients take it off.
         """
-        left, pressure, direction = inflow.copy(), np.zeros(inflow.shape), np.zeros(inflow.shape)
-        outflow = np.empty(inflow.shape)
+        direction, outflow = np.zeros(left.shape), np.empty(left.shape)
         fallen, product, steps, turns = 0.0, np.inf, list[float](), list[float]()
         while not (self.exact and factors_alone) and len(steps) < STEPS:
             towards = self._inverse(left)
@@ -83,7 +89,7 @@ class Network:
             if product <= 0.0:  # nothing is left, or the inverse has 32 bits and is not positive here
                 to_come = CAUTION * -product / self._smallest
                 if to_come <= allowed(fallen):
-                    return pressure, to_come, fallen
+                    return to_come, fallen
                 break
             turns.append(product / before)
             multigrid.turned(direction, towards, turns[-1], *self._conductances, outflow)
@@ -94,14 +100,15 @@ class Network:
             kept = ((LARGEST - self._smallest) / (LARGEST + self._smallest)) ** 2
             to_come = kept * CAUTION * product / self._smallest
             if to_come <= allowed(fallen):
-                return pressure, to_come, fallen
-        if not self.exact and inflow.size > FACTORISED:
-            message = f"the flow through {inflow.size} elements did not converge in {len(steps)} steps"
+                return to_come, fallen
+        if not self.exact and left.size > FACTORISED:
+            message = f"the flow through {left.size} elements did not converge in {len(steps)} steps"
             raise ConvergenceError(message, indentation=np.nan, iterations=len(steps), residual=to_come)
         if not self.exact:
-            self._inverse, self.exact = Multigrid(self._conductances, inflow.size), True
-        pressure = self._inverse(inflow)
-        return pressure, 0.0, float(np.vdot(pressure, inflow))
+            self._inverse, self.exact = Multigrid(self._conductances, left.size), True
+        more = self._inverse(left)
+        pressure += more
+        return 0.0, fallen + float(np.vdot(more, left))
 
 
 def smallest(steps: list[float], turns: list[float]) -> float:
@@ -114,17 +121,37 @@ def smallest(steps: list[float], turns: list[float]) -> float:
 
 
 class Flow(NamedTuple):
-    """Fluxes through the faces for a drop of pressure from 1 to 0, their dissipation, which is the flow, and its error.
+    """A flow for a drop of pressure from 1 to 0: conductances, pressures, their dissipation, and its relative error.
 
     ``down`` (rows + 1, columns) leads from the inlet to the outlet, ``east`` (rows, columns) from column to column, the
-    last one to the first of a period, or 0. The error is relative. The pressure is 0 where nothing flows.
+    last one to the first of a period, or 0. A pressure is ``whole``, 0 or 1, and ``fine``. The dissipation is the flow.
     """
 
     down: Array
     east: Array
+    fine: Array
+    whole: Whole
     dissipation: float
     error: float
-    pressure: Array
+
+    @property
+    def pressure(self) -> Array:
+        """Pressures of the elements, 0 where nothing flows."""
+        return self.whole + self.fine
+
+    @property
+    def fluxes(self) -> tuple[Array, Array]:
+        """Fluxes through the faces ``down`` and ``east``."""
+        falls = differences(self.fine, 0.0) + differences(self.whole, 1.0)
+        across = (self.fine - np.roll(self.fine, -1, axis=1)) + (self.whole - np.roll(self.whole, -1, axis=1))
+        return self.down * falls, self.east * across
+
+    @property
+    def conservation_error(self) -> float:
+        """The larger of |inflow - flow| and |outflow - flow| over the flow."""
+        inflow = self.down[0] * ((1 - self.whole[0]) - self.fine[0])
+        outflow = self.down[-1] * (self.fine[-1] + self.whole[-1])
+        return max(abs(float(end.sum()) - self.dissipation) for end in (inflow, outflow)) / self.dissipation
 
 
 def flow_through(down: Array, east: Array, accuracy: float = ACCURACY, start: Array | None = None) -> Flow:
@@ -135,30 +162,23 @@ def flow_through(down: Array, east: Array, accuracy: float = ACCURACY, start: Ar
     the contrast asks for them. ``start`` has pressures to start from.
     """
     network = Network(between_reservoirs(down, east))
-    u = network.start(_from_inlet(down)) if start is None else start.copy()
-    nearer, inlets = np.zeros(east.shape), (1.0, 0.0)
-    through, aside = np.empty(down.shape), np.empty(east.shape)
-    dissipation = _fluxes(through, aside, down, east, u, nearer, inlets)
+    left = np.zeros(east.shape)
+    left[0] = down[0]  # from the inlet, where all elements have P = 0
+    u = network.start(left) if start is None else start.copy()
+    nearer = np.zeros(east.shape, np.int8)
+    dissipation = _surplus(left, down, east, u, nearer)
     for attempt in range(SOLVES):
         before = dissipation
         least = ROUNDING if attempt + 1 < SOLVES else 0.0
-        more, error = network.correction(surplus(through, aside), dissipation, accuracy, least)
-        u += more
-        dissipation = _fluxes(through, aside, down, east, u, nearer, inlets)
+        error = network.correct(u, left, dissipation, accuracy, least)
+        dissipation = _surplus(left, down, east, u, nearer)
         if accuracy > REFINED and not network.exact and before < LOST * dissipation:
             break
         if attempt == 0:
-            nearer, inlets = (u > 0.5).astype(np.float64), (0.0, 1.0)
+            nearer = (u > 0.5).astype(np.int8)
             u -= nearer
-            dissipation = _fluxes(through, aside, down, east, u, nearer, inlets)
-    return Flow(through, aside, dissipation, error, nearer + u)
-
-
-def _from_inlet(down: Array) -> Array:
-    """Return the inflow of each element from P = 1 at the inlet, where elements have P = 0."""
-    inflow = np.zeros_like(down[1:])
-    inflow[0] = down[0]
-    return inflow
+            dissipation = _surplus(left, down, east, u, nearer)
+    return Flow(down, east, u, nearer, dissipation, error)
 
 
 def between_reservoirs(down: Array, east: Array) -> Conductances:
@@ -170,27 +190,31 @@ def between_reservoirs(down: Array, east: Array) -> Conductances:
 
 
 @compiled
-def _fluxes(
-    through: Array, aside: Array, down: Array, east: Array, fine: Array, whole: Array, inlets: tuple[float, float]
-) -> float:
-    """Write the fluxes of the sum of two pressure fields, and return their dissipation; P = 0 at the outlet."""
+def _surplus(left: Array, down: Array, east: Array, fine: Array, whole: Whole) -> float:
+    """Write the flow into each element at the pressures ``fine`` + ``whole`` to ``left``; return their dissipation."""
     rows, columns = east.shape
-    fine_ends, whole_ends, outlet = np.full(columns, inlets[0]), np.full(columns, inlets[1]), np.zeros(columns)
-    dissipation = 0.0
+    nothing, dissipation = np.zeros(columns), 0.0
+    inlet, outlet = np.ones(columns, np.int8), np.zeros(columns, np.int8)
     for i in range(rows + 1):
-        above, below = fine[i - 1] if i else fine_ends, fine[i] if i < rows else outlet
-        high, low = whole[i - 1] if i else whole_ends, whole[i] if i < rows else outlet
+        above, below = fine[i - 1] if i else nothing, fine[i] if i < rows else nothing
+        high, low = whole[i - 1] if i else inlet, whole[i] if i < rows else outlet
         of_line = 0.0  # sums of lines keep the digits of a sum over millions
         for j in range(columns):
             fall = (above[j] - below[j]) + (high[j] - low[j])
-            through[i, j] = down[i, j] * fall
-            of_line += through[i, j] * fall
+            flux = down[i, j] * fall
+            of_line += flux * fall
+            if i > 0:
+                left[i - 1, j] -= flux
+            if i < rows:
+                left[i, j] = flux
         if i < rows:
             for j in range(columns):
                 on = j + 1 if j + 1 < columns else 0
                 fall = (below[j] - below[on]) + (low[j] - low[on])
-                aside[i, j] = east[i, j] * fall
-                of_line += aside[i, j] * fall
+                flux = east[i, j] * fall
+                of_line += flux * fall
+                left[i, j] -= flux
+                left[i, on] += flux
         dissipation += of_line
     return dissipation
 
@@ -212,8 +236,7 @@ def flow_around(conductances: Conductances, accuracy: float = ACCURACY) -> float
     through, aside, dissipation = fluxes()
     for _ in range(SOLVES if accuracy <= REFINED or network.exact else 1):
         surplus = np.roll(through, 1, axis=0) - through + np.roll(aside, 1, axis=1) - aside
-        more, _ = network.correction(surplus, dissipation, accuracy)
-        p += more
+        network.correct(p, surplus, dissipation, accuracy)
         through, aside, dissipation = fluxes()
     return dissipation
 

@@ -58,10 +58,7 @@ class Conduction:
     @property
     def conservation_error(self) -> float:
         """The larger of |inflow - flow| and |outflow - flow| over the flow, which the dissipation gives."""
-        if self._flow is None:
-            return 0.0
-        ends, flow = (float(self._flow.down[line].sum()) for line in (0, -1)), self._flow.dissipation
-        return max(abs(end - flow) for end in ends) / flow
+        return 0.0 if self._flow is None else self._flow.conservation_error
 
     @property
     def pressure(self) -> Array | None:
@@ -73,7 +70,7 @@ class Conduction:
         """Flux along x and y in the middle of each element, over that between the plates, shape (2, rows, columns)."""
         if self._flow is None:
             return np.zeros((2, *self._shape))
-        down, east = self._flow.down, self._flow.east
+        down, east = self._flow.fluxes
         along, aside = 0.5 * (down[1:] + down[:-1]), 0.5 * (east + np.roll(east, 1, axis=1))
         turned = [self._over_plates * self._turned(flux) for flux in (along, aside)]
         return np.stack(turned if self._axis == 0 else turned[::-1])
