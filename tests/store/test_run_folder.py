@@ -503,7 +503,7 @@ def slow_machine(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("seeds", "what", "words"),
     [
-        (2, "transport: {transmissivity: last}", "m = 13, seed 0 needs about 36.6 GB of memory, 23 GB are available"),
+        (2, "transport: {transmissivity: last}", "m = 13, seed 0 needs about 34.6 GB of memory, 23 GB are available"),
         (200, "heights: true", "the results need up to 215 GB of disk, 79 GB are free"),
     ],
 )
