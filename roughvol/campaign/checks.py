@@ -75,6 +75,7 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
         body = given.against
         if body is not None and body.file != given.file and str(error).startswith(f"{body.file}: "):
             key = "surface.against.file"
+        key = next((f"surface.{step}" for step in ("outliers", "low_pass") if f": {step}" in str(error)), key)
         with study.placing():
             raise StudyError([Problem(str(error), key)]) from error
     return surface

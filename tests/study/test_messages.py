@@ -76,9 +76,23 @@ def test_a_changed_value_is_placed_at_the_argument_in_python_and_at_the_option_o
     assert "  --set: surface.m: must be" in refused("check", tmp_path / "s.yaml", "--set", "surface.m=x")
 
 
-def test_a_changed_value_that_does_not_fit_the_surface_is_placed_at_the_change(tmp_path: Path) -> None:
-    np.save(tmp_path / "z.npy", np.random.default_rng(0).normal(size=(16, 16)))
-    text = "surface: {file: z.npy, L: 1000, unit: um, sides: periodic}\nmaterial: {E: 1 MPa, nu: 0.5, thickness: 1 mm}"
-    study = loads(text, file=tmp_path / "study.yaml", changes=["material.thickness=1 um"])
-    with pytest.raises(StudyError, match=r"^changes: material\.thickness: the layer has a thickness of"):
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("material.thickness", "1 um", "the layer has a thickness of"),
+        ("surface.low_pass", "1 um", r".*z\.npy: low_pass is 1; allowed: 133\.333 "),
+        ("surface.outliers", "{sigma: 3}", r".*z\.npy: outliers: "),
+    ],
+)
+def test_a_changed_value_that_does_not_fit_the_surface_is_placed_at_the_change(
+    tmp_path: Path, key: str, value: str, said: str
+) -> None:
+    heights = np.random.default_rng(0).normal(size=(16, 16))
+    heights[:2] *= 100.0  # more than a twentieth of the heights
+    np.save(tmp_path / "z.npy", heights)
+    sides = "periodic" if key.startswith("material") else "mirrored"
+    material = "material: {E: 1 MPa, nu: 0.5, thickness: 1 mm}"
+    text = f"surface: {{file: z.npy, L: 1000, unit: um, sides: {sides}}}\n{material}"
+    study = loads(text, file=tmp_path / "study.yaml", changes=[f"{key}={value}"])
+    with pytest.raises(StudyError, match=rf"^changes: {key}: {said}"):
         check_surfaces(study)

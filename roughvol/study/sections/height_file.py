@@ -97,7 +97,7 @@ def is_absent(error: Mapping[str, Any]) -> bool:
 def _matching(value: Any, info: ValidationInfo) -> list[str]:
     """Return the files of a list, or those that a pattern matches, by name; relative to the study file."""
     context = info.context or {}
-    if isinstance(value, list | tuple):
+    if isinstance(value, list | tuple) and value:
         return list(value)
     if not isinstance(value, str):
         refuse_at(("files",), value, "must be a pattern or a list of files")
@@ -257,7 +257,7 @@ class HeightFile(Sized):
     @classmethod
     def _found(cls, data: Any, info: ValidationInfo) -> Any:
         """Give the first of several files as the file."""
-        if not isinstance(data, dict) or not data.get("files"):
+        if not isinstance(data, dict) or data.get("files") is None:
             return data
         files = _matching(data["files"], info)
         if "file" in data:

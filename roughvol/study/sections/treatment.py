@@ -125,8 +125,9 @@ def nodes_kept(crop: Crop | None, downsample: int, lattice: Lattice, unit: str |
         count = (last - first + 1) // downsample
         if count < FEWEST:
             key = key if downsample == 1 else "surface.downsample"
-            blocks = "nodes" if downsample == 1 else f"means of {downsample} x {downsample} nodes"
-            wrong(f"leaves {max(count, 0)} {blocks} along {axis} of {nodes} nodes; allowed: at least {FEWEST}", key)
+            left = f"{max(count, 0)} {'node' if downsample == 1 else 'mean'}{'s' * (count != 1)}"
+            left += f" of {downsample} x {downsample} nodes" * (downsample != 1)
+            wrong(f"leaves {left} along {axis} of {nodes} nodes; allowed: at least {FEWEST}", key)
         kept.append((first, first + count * downsample - 1))
     whole = all(pair == (0, nodes - 1) for pair, nodes in zip(kept, lattice.shape, strict=True))
     return None if whole else (kept[0], kept[1])
