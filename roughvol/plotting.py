@@ -12,6 +12,7 @@ from roughvol.errors import DatasetError, meant
 from roughvol.questions import opened
 from roughvol.report.figures import content
 from roughvol.reproduction.figures.registry import ALL as FIGURES
+from roughvol.reproduction.figures.registry import NAMES
 from roughvol.store.run_folder import slug
 from roughvol.study import check_type
 
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from roughvol.study import Case
     from roughvol.typing import Changes
 
-NAMES = (*FIGURES, *content.NAMES)
-"""Names of all figures: those of the paper, those of the package, those by content."""
 SHOWS_ONE = "{} shows one run; several, or lists, are overlaid in figures by content, {}"
 
 

@@ -924,7 +924,11 @@ def explain(name: str | None = None) -> Explained:
     if of_user is not None:
         return replace(of_user, others=other)
     if not exact and not other and not variable:
-        names = explained_names()
+        from roughvol.reproduction.figures.registry import NAMES  # matplotlib: for a message alone
+
+        if word in NAMES:
+            raise DatasetError(f"{word} is a figure; roughvol plot RUN {word} draws it")
+        names = [*explained_names(), *NAMES]
         near = [name for name in names if name.lower() == word.lower()]
         near = near or difflib.get_close_matches(word, names, n=3, cutoff=0.5)
         raise DatasetError(f"no key and no variable {word!r}{question(near)}; roughvol explain lists the sections")

@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 
 import roughvol
+from roughvol.errors import DatasetError
 from roughvol.observables.variables import VARIABLES
 from roughvol.store import stamped_file
 from roughvol.study import load
@@ -160,7 +161,9 @@ def test_explain_knows_the_heads_and_names_of_the_columns_of_show() -> None:
     assert "length^3/time" in said("explain", "Q_x dry")
     assert "derived from study.nc" in said("explain", "K L/E*")
     assert said("explain", "h [W/m^2/K]").startswith("contact_conductance")
-    assert "fig05 is a figure; roughvol plot RUN fig05 draws it" in refused("explain", "fig05")
+    with pytest.raises(DatasetError, match="fig05 is a figure; roughvol plot RUN fig05 draws it"):
+        roughvol.explain("fig05")
+    assert "no key and no variable 'fig12z'; did you mean 'fig12b' or 'fig12a'" in refused("explain", "fig12z")
 
 
 def test_every_key_has_a_description_and_values() -> None:

@@ -11,7 +11,6 @@ import click
 import roughvol
 from roughvol.cli.options import command
 from roughvol.cli.output import say
-from roughvol.errors import DatasetError
 from roughvol.report import terminal
 
 if TYPE_CHECKING:
@@ -39,12 +38,7 @@ def _names_with(context: click.Context, option: click.Parameter, start: str) -> 
 @click.argument("name", required=False, shell_complete=_names_with)
 def explain(name: str | None) -> None:
     """Describe NAME: a key of a study, a section, a variable or its symbol, a gas, or a quantity of your own."""
-    try:
-        found = roughvol.explain(name)
-    except DatasetError as error:
-        if name not in roughvol.plotting.NAMES:
-            raise
-        raise DatasetError(f"{name} is a figure; roughvol plot RUN {name} draws it") from error
+    found = roughvol.explain(name)
     if found.gas is not None:
         _say_gas(found.name, found.gas)
         return

@@ -13,7 +13,7 @@ from typing import Any
 import matplotlib as mpl
 
 from roughvol.report.document import Drawing as Shown
-from roughvol.report.figures import registry
+from roughvol.report.figures import content, registry
 from roughvol.report.figures.figure import Figure, figures_of
 from roughvol.report.figures.style import STYLE, Drawing
 from roughvol.reproduction.claim_run import ClaimRun
@@ -36,6 +36,8 @@ FIGURES = figures_of(_FILE, (paper,), PaperFigure)
 COMPARISONS = figures_of(_FILE, (theory,), Comparison)
 ALL: dict[str, Figure] = FIGURES | registry.FIGURES
 """The figures of one run, those of the paper first."""
+NAMES = (*ALL, *content.NAMES)
+"""Names of all figures: those of the paper, those of the package, those by content."""
 
 
 def drawings(evidence: Evidence) -> Iterator[Shown]:
