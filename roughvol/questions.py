@@ -605,9 +605,14 @@ def compare(runs: Sequence[Dataset | StoredRun | str | Path], at: Loads = (), *,
     from roughvol.analysis.stored_run import Run
     from roughvol.report import screen
 
-    stored = [Run.of(run.name, run.dataset) for run in _each_opened(runs, changes)]
-    if sum(len(run.parts) for run in stored) < 2:
+    each = _each_opened(runs, changes)
+    files = [run.file for run in each]
+    stored = [Run.of(name, run.dataset) for name, run in zip(stored_run.names_of(files), each, strict=True)]
+    parts = [(file, part.name) for file, run in zip(files, stored, strict=True) for part in run.parts]
+    if len(parts) < 2:
         raise DatasetError("compare takes two runs or more; one is shown by: roughvol show RUN")
+    if twice := next((name for file, name in parts if file.exists() and parts.count((file, name)) > 1), ""):
+        raise DatasetError(f"compare takes each run once, given {twice} twice")
     return screen.compared(stored, levels(at))
 
 

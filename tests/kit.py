@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -59,6 +60,11 @@ def ran(name: str, text: str) -> str:
     """Write a study to the current folder and run it; return the output."""
     Path(f"{name}.yaml").write_text(text, encoding="utf-8")
     return said("run", f"{name}.yaml", "--jobs", "1")
+
+
+def twin(name: str) -> str:
+    """Return the folder of a copy of a run."""
+    return str(shutil.copytree(f"runs/{name}", f"twins/{name}_twin", dirs_exist_ok=True))
 
 
 def python(*words: object, first: Path = ROOT, **options: Any) -> subprocess.CompletedProcess[str]:

@@ -12,7 +12,7 @@ from roughvol.analysis import leak_curve
 from roughvol.campaign import card as card_runs
 from roughvol.store import dataset
 from roughvol.surfaces.midpoint import random_midpoint_displacement
-from tests.kit import LEAKING, LEAKING_GAS, ROOT, answered, call, ran, refused, said, succeeded
+from tests.kit import LEAKING, LEAKING_GAS, ROOT, answered, call, ran, refused, said, succeeded, twin
 
 pytestmark = pytest.mark.usefixtures("here")
 CREEP = ("--law", "creep.yaml", "--at")
@@ -72,8 +72,9 @@ def test_the_limits_that_a_run_exceeds_are_said_beside_its_leaks(monkeypatch: py
         assert call(*words).stderr.splitlines() == [f"warning: {line}" for line in limits]
     for words in (("--json",), ("--at", "p=0.1", "--at", "p=0.2")):
         assert call("card", "pushed", "--jobs", 1, *words).stderr.count("opens the joint") == 1
-    compared = call("compare", "pushed", "pushed", "--at", "last")
-    assert compared.stderr.splitlines() == [f"warning: pushed: {line}" for line in limits]
+    compared = call("compare", "pushed", twin("pushed"), "--at", "last")
+    both = ("pushed", "pushed_twin")
+    assert compared.stderr.splitlines() == [f"warning: {name}: {line}" for name in both for line in limits]
 
 
 @pytest.mark.usefixtures("scan")

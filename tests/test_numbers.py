@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from roughvol.store import dataset
-from tests.kit import answered, call, ran, refused, said, succeeded
+from tests.kit import answered, call, ran, refused, said, succeeded, twin
 
 WET = """
 surface: {D: [2.2, 2.4], m: 4, L: 500 um, Sq: 2 um, seeds: 2}
@@ -73,14 +73,22 @@ def test_a_load_acts_on_the_whole_period(here: Path) -> None:
         (["show", "path", "--at", "pressure=1MPa"], "the modulus has none"),
         (["show", "dry", "--csv", "--json"], "exclude each other"),
         (["compare", "dry"], "two runs or more"),
+        (["compare", "wet", "dry", "runs/dry"], "compare takes each run once, given dry twice"),
         (["compare", "dry", "wet", "--at", "pressure=9MPa"], "has no state at"),
         (["ls", "nowhere"], "no folder nowhere"),
+        (["ls", "dyr"], "no folder dyr; the state of a run: roughvol status dry"),
         (["plot", "dry", "v_of_q"], "did you mean 'v_of_p'"),
         (["plot", "dry", "v_of_p", "--size", "big"], "allowed: WxH"),
     ],
 )
 def test_what_cannot_be_shown_is_refused_in_one_message(arguments: list[str], part: str) -> None:
     assert part in refused(*arguments)
+
+
+def test_compare_tells_runs_of_one_name_apart_by_their_folders() -> None:
+    moved = Path(twin("dry")).rename("dry")
+    rows = answered("compare", "runs/dry", moved, "--at", "p=0.1")["rows"]
+    assert [row["run"] for row in rows] == ["runs/dry", f"{Path().absolute().name}/dry"]
 
 
 def test_the_loads_of_the_steps_are_in_the_unit_of_the_refused_load_also_of_none() -> None:
@@ -108,7 +116,7 @@ def test_show_and_compare_name_the_surfaces_that_do_not_reach_a_load() -> None:
     at = f"--at=p={begins.mean():.4g}"
     shown, rows = call("show", "wet", at), call("show", "wet", at, "--json")
     assert shown.stdout.splitlines()[1].startswith(reaches)
-    for text in (shown.stderr, rows.stderr, said("compare", "wet", "wet", at)):
+    for text in (shown.stderr, rows.stderr, said("compare", "wet", twin("wet"), at)):
         assert f"wet, {later} has no state at pressure={begins.mean():.4g}: its steps have" in text
 
 
@@ -134,7 +142,7 @@ def test_an_unloaded_region_is_compared_at_no_load_and_stays_open(here: Path) ->
     np.save("peak.npy", z)
     text = "surface: {file: peak.npy, L: 1.0, sides: free}\nsweep: {steps: 2, to: {indentation: 0.5}}\n"
     ran("peak", text + "record: {region: {x: [0.5, 1], y: [0.5, 1]}, transport: {percolation: every-step}}\n")
-    words, ask = refused("compare", "peak", "peak"), answered("ask", "peak", "--closed")
+    words, ask = refused("compare", "peak", twin("peak")), answered("ask", "peak", "--closed")
     assert "none of their steps has a load" in words
     assert [way["value"] for way in ask["answers"]] == [None, None]  # the first step was called closed
 
@@ -151,12 +159,12 @@ def test_compare_puts_runs_side_by_side_at_equal_loads() -> None:
 
 
 @pytest.mark.parametrize(
-    ("runs", "words"), [(("wet", "dry"), "Mean over the surfaces of a row;"), (("wet", "wet"), "Mean over 2 surfaces;")]
+    ("runs", "words"), [(("wet", "dry"), "Mean over the surfaces of a row;"), (("wet",), "Mean over 2 surfaces;")]
 )
 def test_compare_counts_surfaces_in_its_note_only_where_all_rows_have_as_many(
-    runs: tuple[str, str], words: str
+    runs: tuple[str, ...], words: str
 ) -> None:
-    assert words in said("compare", *runs)
+    assert words in said("compare", *runs, *(() if runs[1:] else (twin("wet"),)))
 
 
 def test_ls_lists_the_latest_run_first_with_state_size_and_age() -> None:

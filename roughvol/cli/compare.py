@@ -31,8 +31,8 @@ def compare(
 
     runs = [opened(name, changes) for name in run]
     found = roughvol.compare(runs, states)
-    for name, results in {stored.name: stored.dataset for stored in runs}.items():
-        warn_of(results, name)
+    for stored in {stored.file: stored for stored in runs}.values():
+        warn_of(stored.dataset, stored.name)
     if as_csv or as_json:
         warn(found.left_out)
         say_numbers("compare", *found.records(), as_csv=as_csv)

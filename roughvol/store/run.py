@@ -311,7 +311,7 @@ def names_of(files: Sequence[Path]) -> list[str]:
     names = []
     for path in paths:
         parts = 1
-        while sum(other.parts[-parts:] == path.parts[-parts:] for other in paths) > 1 and parts < len(path.parts):
+        while sum(other.parts[-parts:] == path.parts[-parts:] for other in {*paths}) > 1 and parts < len(path.parts):
             parts += 1
         names.append("/".join(path.parts[-parts:]))
     return names

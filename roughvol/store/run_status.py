@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from roughvol.errors import DatasetError, FolderError, StudyError
+from roughvol.errors import DatasetError, FolderError, StudyError, nearest_word
 from roughvol.store import lock, run_folder, same_study, sample_plan, stamped_file
 from roughvol.store.lock import Holder
 from roughvol.store.run_folder import case_file, folder_of
@@ -164,7 +164,9 @@ def listed(folder: str | Path) -> list[Listed]:
     check_type(folder, (str, os.PathLike), "the folder of runs is a path")
     folder = Path(folder)
     if not folder.is_dir():
-        raise DatasetError(f"no folder {folder}: roughvol run STUDY makes runs/NAME")
+        near = nearest_word(str(folder), [path.parent.name for path in Path("runs").glob("*/study.yaml")])
+        see = f"; the state of a run: roughvol status {near}" if near else ": roughvol run STUDY makes runs/NAME"
+        raise DatasetError(f"no folder {folder}{see}")
     return sorted([_listed(path.parent) for path in folder.glob("*/study.yaml")], key=lambda run: run.age)
 
 
