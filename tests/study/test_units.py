@@ -3,7 +3,7 @@
 import pint
 import pytest
 
-from roughvol.study import read
+from roughvol.study import loads, read
 from roughvol.study.values.units import FACTORS, KINDS, convert, unit_of
 
 REGISTRY = pint.get_application_registry()
@@ -36,3 +36,9 @@ def test_a_dot_between_units_is_a_product(dotted: str, same: str) -> None:
 def test_torr_has_its_symbol_of_vacuum_technology_too() -> None:
     assert convert(read("760 Torr", "pressure"), "Torr", "Pa") == pytest.approx(101325.0, rel=1e-12)
     assert convert(1.0, "Torr*l/s", "mbar*l/s") == pytest.approx(1013.25 / 760, rel=1e-12)
+
+
+def test_a_state_in_two_units_is_one_state() -> None:
+    text = "surface: {D: 2.3, m: 4, L: 100 um}\nmaterial: {E: 1 GPa, nu: 0.5}\n"
+    record = loads(f"{text}record: {{fields_at: {{pressure: [0.5 MPa, 1 MPa, 500 kPa], step: [1, 2]}}}}").record
+    assert [level.label for _, level in record.levels()] == ["pressure=0.5 MPa", "pressure=1 MPa"]

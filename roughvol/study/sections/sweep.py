@@ -10,7 +10,16 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import ConfigDict, Discriminator, Field, RootModel, Tag, model_serializer, model_validator
+from pydantic import (
+    ConfigDict,
+    Discriminator,
+    Field,
+    RootModel,
+    Tag,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 
 from roughvol.errors import nearest_word
 from roughvol.study.plain_data import KeyPath
@@ -29,6 +38,16 @@ def levels_of(quantity: str) -> Any:
 
 class Levels(Choice):
     """The last state, or levels of one or more quantities."""
+
+    @field_validator("*")
+    @classmethod
+    def _once(cls, values: tuple[float, ...]) -> tuple[float, ...]:
+        """Take a state with a unit once, as 0.5 MPa beside 500 kPa."""
+        unit = next(filter(None, map(unit_of, values)), None)
+        found: dict[int | str, float] = {}
+        for k, value in enumerate(values):
+            found.setdefault(k if unit_of(value) is None else f"{in_unit(value, unit):.12g}", value)
+        return tuple(found.values())
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> Any:
