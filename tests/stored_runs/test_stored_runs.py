@@ -17,7 +17,7 @@ import pytest
 
 import roughvol
 from roughvol.report import page
-from tests.kit import call, refused, said, succeeded
+from tests.kit import call, refused, said, succeeded, twin
 from tests.stored_runs.archive import VERSIONS, studies, unpack
 
 CASES = [(version, name) for version in VERSIONS for name in studies(version)]
@@ -122,7 +122,7 @@ def test_every_question_on_a_run_is_answered(
     assert state.sizes.keys() <= results.sizes.keys() | {"axis"}
     assert bool((state["free_volume"] > 0.0).any())
     said("show", name)
-    said("compare", name, name, "--at", at)
+    said("compare", name, twin(name), "--at", at)
     said("check", name)
     said("report", name, "--out", tmp_path)
     assert re.search(rf"^{name} +finished", said("ls"), re.MULTILINE)
