@@ -113,6 +113,8 @@ def test_a_file_that_is_not_read_is_named_without_the_study_that_is_not_written(
     assert not Path("face.yaml").exists()
     np.save("mask.npy", np.zeros((9, 9), bool))
     assert "mask.npy: holds values of type bool, not numbers" in refused("init", "mask.npy")
+    np.save("unknown.npy", np.full((4, 4), np.nan))
+    assert "unknown.npy: none of the 16 heights is known" in refused("init", "unknown.npy")
     assert not Path("mask.yaml").exists()
 
 

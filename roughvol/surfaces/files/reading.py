@@ -166,6 +166,8 @@ def _checked(path: Path, array: NDArray[Any], holes: bool) -> Array:
         if marked.any() and _far(mark, heights[~marked & ~missing]):
             missing |= marked
             marks.append(f"{mark:g}")
+    if missing.all():
+        raise SurfaceError(f"{path}: none of the {missing.size} heights is known")
     if missing.any() and not holes:
         row, column = np.argwhere(missing)[0]
         count = f"{missing.sum()} height{' is' if missing.sum() == 1 else 's are'}"
