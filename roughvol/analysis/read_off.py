@@ -408,9 +408,9 @@ def _recorded(run: Dataset) -> str:
     name = closing.load_of(run)
     unit = str(run[name].attrs.get("units", "1"))
     per_starred = (run[name] / run["mean_pressure"]).mean("step")  # of each surface: its E* and Sq
-    words = []
+    words, stored = [], run.get(f"{leak.STATE}_mean_pressure")
     for label in run[leak.STATE].values.tolist() if leak.STATE in run.dims else []:
-        load = float((run[f"{leak.STATE}_mean_pressure"].sel({leak.STATE: label}) * per_starred).mean())
+        load = math.nan if stored is None else float((stored.sel({leak.STATE: label}) * per_starred).mean())
         load_words = f"p* = {load:.4g}" if unit == "1" else f"{load:.4g} {unit}"
         words.append(f"{label}: {load_words}" if math.isfinite(load) else label)
     return "; ".join(words)

@@ -351,6 +351,8 @@ def test_the_leak_under_fluid_pressure_is_not_read_off_the_dry_leak(here: Path) 
         assert "the leak under fluid pressure is known at recorded states alone" in message
         assert "pressure=0.05 MPa: 0.05 MPa; pressure=0.1 MPa: 0.1 MPa" in message
         assert "record.fluid_pressure.at" in message
+    with pytest.raises(StudyError, match=r"\(pressure=0\.05 MPa; pressure=0\.1 MPa\), and is not read off"):
+        roughvol.ask(roughvol.open("lift").drop_vars("fluid_at_mean_pressure"))
 
 
 def test_recorded_loads_are_those_of_each_surface_and_a_list_is_named_with_its_unit(here: Path) -> None:
