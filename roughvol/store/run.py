@@ -227,12 +227,11 @@ def study_of(run: str | Path, changes: Sequence[str] = (), *, stored: bool = Fal
     path = Path(run)
     if folder := folder_of_run(run):
         text = run_folder.stored_study(folder) or ""
-        source = _beside_heights(text, folder)
+        source, file = _beside_heights(text, folder), folder / "study.yaml"
         try:
-            study = loads(text, source, stored=stored, of_run=True, changes=changes)
+            study = loads(text, source, stored=stored, of_run=file, changes=changes)
         except StudyError as error:
-            raise StudyError([_placed(problem, source, folder) for problem in error.problems]) from error
-        study._places = replace(study._places, file=str(folder / "study.yaml"))  # for problems of its cases
+            raise StudyError([_with_advice(problem, file) for problem in error.problems]) from error
         renamed = any(change.partition("=")[0].strip() == "name" for change in changes)
         return study, run_folder.folder_of(study) if renamed else folder
     try:
@@ -265,13 +264,13 @@ def _is_map(path: Path) -> bool:
     return True
 
 
-def _placed(problem: Problem, source: Path, folder: Path) -> Problem:
-    """Return a problem of the study of a run with the path of its study.yaml."""
-    if problem.file != str(source):
-        return problem
+def _with_advice(problem: Problem, file: Path) -> Problem:
+    """Return a problem of the study.yaml of a run with what to do if a height file is absent."""
     absent = problem.key.startswith("surface.") and problem.message.startswith("no such file")
-    where = "; a run has the names of its height files alone: call in the folder they begin in, or give the study file"
-    return replace(problem, file=str(folder / "study.yaml"), message=problem.message + where * absent)
+    if problem.file != str(file) or not absent:
+        return problem
+    where = "a run has the names of its height files alone: call in the folder they begin in, or give the study file"
+    return replace(problem, message=f"{problem.message}; {where}")
 
 
 def _beside_heights(text: str, folder: Path) -> Path:

@@ -163,7 +163,12 @@ def changed(study: Study, changes: Sequence[str]) -> Study:
 
 
 def loads(
-    text: str, file: str | Path = "<string>", *, stored: bool = False, of_run: bool = False, changes: Changes = ()
+    text: str,
+    file: str | Path = "<string>",
+    *,
+    stored: bool = False,
+    of_run: str | Path | None = None,
+    changes: Changes = (),
 ) -> Study:
     """Read a study from text.
 
@@ -176,8 +181,9 @@ def loads(
     stored : bool
         The text comes from a file of results, see `Study.stored`. Height files may be absent; such a study makes no
         cases.
-    of_run : bool
-        The text is the study.yaml of a run, with the keys of the version that wrote it.
+    of_run : str or Path, optional
+        The study.yaml of a run that has the text, in place of the file in messages. It has the keys of the version that
+        wrote it.
     changes : mapping or sequence of str
         Other values of keys, as ``{"surface.m": 6}`` or ``"surface.m=6"``.
 
@@ -203,7 +209,8 @@ def loads(
     (4, 5)
     """
     path = Path("study" if file in NO_FILES else file)
-    return _study(text, printable(str(file)), path, stored=stored, of_run=of_run, changes=changes_of(changes))
+    shown, is_run = printable(str(of_run or file)), of_run is not None
+    return _study(text, shown, path, stored=stored, of_run=is_run, changes=changes_of(changes))
 
 
 def _study(

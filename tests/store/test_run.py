@@ -149,7 +149,7 @@ def test_each_change_that_chooses_from_a_list_gives_a_part_of_its_study(text: st
     study = loads(f"surface: {{D: 2.3, m: 3, L: 1 mm, Sq: 1 um}}\n{text}")
     for axis, changes in choices(study).items():
         for label, change in changes.items():
-            part = loads(study.stored(), of_run=True, changes=[change])
+            part = loads(study.stored(), of_run="study.yaml", changes=[change])
             assert same_study.part(part, study)[axis] == [label]
 
 

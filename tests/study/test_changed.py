@@ -76,7 +76,7 @@ def test_a_changed_study_of_a_file_keeps_its_file_and_its_lines(tmp_path: Path) 
 def test_keys_without_a_value_in_the_study_of_a_run_exclude_no_others() -> None:
     text = TEXT.replace("E_star: 10 MPa", "E: 10 MPa, nu: 0.3")
     changes = ["material.E=null", "material.nu=null", "material.E_star=5 MPa"]
-    changed = loads(loads(text).to_yaml(), of_run=True, changes=changes)
+    changed = loads(loads(text).to_yaml(), of_run="study.yaml", changes=changes)
     assert changed.to_yaml() == loads(text, changes=changes).to_yaml()
 
 
