@@ -23,7 +23,10 @@ from dataclasses import dataclass
 from importlib.metadata import entry_points
 from typing import Any
 
-from roughvol.study.values.types import refuse
+from pydantic import ValidationError
+from pydantic_core import InitErrorDetails, PydanticCustomError
+
+from roughvol.study.values.types import REFUSED, refuse
 
 GROUP = "roughvol.observables"
 """Entry points of installed packages; a study takes one by its name, in place of ``module:function``."""
@@ -80,13 +83,22 @@ def own(value: Any) -> dict[str, OwnQuantity]:
     """Return the quantities of the plain data of a study, {name: target}."""
     if not isinstance(value, dict) or not value:
         refuse("must be a mapping of names to functions, as {example}", example="{my_number: my_module:my_function}")
-    found = {}
+    found, wrong = dict[str, OwnQuantity](), list[InitErrorDetails]()
     for name, target in value.items():
         if not isinstance(name, str) or not _NAME.fullmatch(name):
-            refuse("'{name}' is no name; allowed: small letters, digits and _, a letter first", name=str(name))
+            wrong.append(_refused(name, name, "is no name; allowed: small letters, digits and _, a letter first"))
+            continue
         if not isinstance(target, str) or not _TARGET.fullmatch(target):
-            refuse("{name}: '{given}' is no function; allowed: module:function", name=name, given=str(target))
+            wrong.append(_refused(name, target, "is no function; allowed: module:function"))
+            continue
         with contextlib.suppress(Exception):  # a stored run is read without its functions; a run needs them
             found[name] = OwnQuantity(target, str(getattr(function_of(target), "version", "")))
         found.setdefault(name, OwnQuantity(target))
+    if wrong:
+        raise ValidationError.from_exception_data("Study", wrong)
     return found
+
+
+def _refused(name: Any, given: Any, message: str) -> InitErrorDetails:
+    """Return the error of a validator at a name."""
+    return InitErrorDetails(type=PydanticCustomError(REFUSED, message), loc=(str(name),), input=given)
