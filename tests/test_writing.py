@@ -119,7 +119,7 @@ def test_a_closed_standard_error_does_not_end_a_command(place: Path) -> None:
 def test_a_standard_input_that_is_no_text_is_one_message(place: Path, line: str, words: str) -> None:
     done = _shell(place, f"export PYTHONIOENCODING=utf-8:strict; {line}")
     assert done.returncode == 2
-    assert done.stderr.startswith(f"1 problem in the study\n{words}")
+    assert done.stderr.startswith(f"1 problem\n{words}")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")

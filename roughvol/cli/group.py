@@ -183,7 +183,7 @@ def _message(error: errors.RoughvolError) -> str:
     if isinstance(error, errors.StudyError) and any(problem.key or problem.file for problem in error.problems):
         placed = (replace(one, file="--set") if one.file == errors.CHANGES else one for one in error.problems)
         lines = [f"  {problem}" for problem in placed]
-        return "\n".join([f"{count(len(lines), 'problem')} in the study", *lines])
+        return "\n".join([count(len(lines), "problem"), *lines])
     return f"error: {error}"
 
 

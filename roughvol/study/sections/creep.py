@@ -26,7 +26,7 @@ import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NoReturn
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -136,16 +136,16 @@ class Creep(Strict):
         two = isinstance(material, YoungPoisson) and material.against is not None
         if self.share is not None and not isinstance(material, ContactModulus):
             message = "is for a study with material.E_star; the study has E and nu, and its share follows from them"
-            raise StudyError([Problem(message, "share")])
+            _refuse(message, "share")
         if two and self.body is None:
             message = (
-                "missing in the creep law: the study has two elastic bodies (material.against); allowed: "
+                "missing: the study has two elastic bodies (material.against); allowed: "
                 "first (E, nu), second (against), both"
             )
-            raise StudyError([Problem(message, "body")])
+            _refuse(message, "body")
         if not two and self.body == "second":
             message = "is second, and the study has no material.against; allowed: none, first"
-            raise StudyError([Problem(message, "body")])
+            _refuse(message, "body")
         if not two or self.body == "both":
             return self.share or 1.0
         assert isinstance(material, YoungPoisson)
@@ -166,7 +166,7 @@ class Creep(Strict):
         times = [_seconds(time) for time in table.times]
         if not times[0] * (1 - 1e-12) <= seconds <= times[-1] * (1 + 1e-12):
             message = f"the creep table ends at {table.times[0]} and {table.times[-1]}; the time is {seconds:.6g} s"
-            raise StudyError([Problem(message, "table.times")])
+            _refuse(message, "table.times")
         if table.ratios is not None:
             ratios = [float(value) for value in table.ratios]
         else:
@@ -187,8 +187,13 @@ class Creep(Strict):
         unit = unit_of(own) or material.unit
         if unit is None or self.body == "both":
             message = "moduli are those of one body whose modulus has a unit; allowed: ratios"
-            raise StudyError([Problem(message, "table.moduli")])
+            _refuse(message, "table.moduli")
         return convert(float(own), unit, "Pa")
+
+
+def _refuse(message: str, key: str) -> NoReturn:
+    """Raise the problem of a key of a law beside the study."""
+    raise StudyError([Problem(message, key, file="creep law")])
 
 
 def load_creep(given: str | Path | Mapping[str, Any]) -> Creep:
