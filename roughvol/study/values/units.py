@@ -67,6 +67,7 @@ _MARK = re.compile(r"[,_'’]\d")  # behind digits: a decimal comma, or a mark b
 _PLAIN_POWER = re.compile(r"(?<=[^\W\d_])(?=[1-9])")  # as in mm2
 _DOT = re.compile(r"\.(?=[^\W\d])")  # between units, a product
 _STANDARD = re.compile(r"(?:sccm|sccs|standard_liter_per_minute)\b")  # pint's full names, behind a prefix
+LARGEST = 1e50  # length, in any unit
 ROUNDING = 1e-12  # relative, of two numbers in different units
 _NOT_KNOWN = (AttributeError, ValueError, TypeError, AssertionError)  # bases of pint's errors beside PintError
 
@@ -285,8 +286,15 @@ def unit_name(kind: str, *, counts: bool = False) -> AfterValidator:
     return AfterValidator(read)
 
 
+def _bounded(length: float) -> float:
+    """Refuse a length whose fourth power, of a spectrum, is no float."""
+    if length > LARGEST:
+        refuse("must be at most {most}", most=number_text(LARGEST))
+    return length
+
+
 Conductivity = Annotated[Positive, In("conductivity", needed=True)]
-Length = Annotated[Positive, In("length")]
+Length = Annotated[Positive, In("length"), AfterValidator(_bounded)]
 Pressure = Annotated[Positive, In("pressure")]
 Position = Annotated[float, In("length")]
 Gap = Annotated[Positive, In("length", needed=True)]
