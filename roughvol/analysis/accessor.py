@@ -6,7 +6,7 @@ does so for a dataset from elsewhere.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from numbers import Integral
 from typing import Any
@@ -261,11 +261,12 @@ class Accessor:
 
 def _level(state: Load, kind: dict[str, Number], leg: int | None) -> Level:
     """Return the level that the arguments of `Accessor.at` name."""
-    if bool(state) + len(kind) != 1:
+    named = not isinstance(state, str | Mapping | Sequence | None) or bool(state)  # an array has no truth value
+    if named + len(kind) != 1:
         raise DatasetError('at takes one level; as at("last"), at(contact_area=0.1) or at(pressure="0.5 MPa")')
     if leg is not None and not (isinstance(leg, Integral) and leg >= 1):
         raise DatasetError(f"leg is {leg!r}; allowed: a whole number from 1")
-    found = level(state or kind)
+    found = level(state if named else kind)
     return found if leg is None else replace(found, leg=int(leg))
 
 

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import inspect
 import json
+import math
 import numbers
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from roughvol.errors import DatasetError, Problem, RoughvolError, StudyError
+from roughvol.errors import CHANGES, DatasetError, Problem, RoughvolError, StudyError
 from roughvol.study.plain_data import KeyPath, key_text, number_text
 from roughvol.study.values.units import is_known
 
@@ -96,7 +97,10 @@ def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
         return None
     is_decimal = hasattr(number, "as_integer_ratio") and not isinstance(number, type)  # a decimal is no Real
     if isinstance(number, numbers.Real) or is_decimal:
-        return float(number)
+        if math.isfinite(number := float(number)):
+            return number
+        problems[path] = f"must be a finite number, given {number}"
+        return None
     if isinstance(number, os.PathLike) and isinstance(text := os.fspath(number), str):
         return text
     if getattr(number, "ndim", 0) > 1:
@@ -134,12 +138,12 @@ def text_of_value(value: Any, name: str) -> Any:
     return [_text(item) for item in data] if isinstance(data, list) else _text(data)
 
 
-def _plain_or_refused(value: Any, name: str = "") -> Any:
-    """Return an object of Python as plain data; a `StudyError` has the name of an object that is none."""
+def _plain_or_refused(value: Any, name: str = "", file: str = "") -> Any:
+    """Return an object of Python as plain data; a `StudyError` names an object that is none, and its place."""
     problems: dict[KeyPath, str] = {}
     data = plain(value, problems)
     if problems:
-        raise StudyError([Problem(text, f"{name}{key_text(path)}") for path, text in problems.items()])
+        raise StudyError([Problem(text, f"{name}{key_text(path)}", file=file) for path, text in problems.items()])
     return data
 
 
@@ -167,7 +171,7 @@ def changes_of(changes: Changes) -> tuple[str, ...]:
         if not all(isinstance(text, str) for text in texts):
             check_type(changes, (), 'changes are a mapping, as {"surface.m": 6}, or texts, as "surface.m=6"', refused)
         return texts
-    return tuple(f"{key}={_text(value)}" for key, value in _plain_or_refused(changes).items())
+    return tuple(f"{key}={_text(value)}" for key, value in _plain_or_refused(changes, file=CHANGES).items())
 
 
 def measured(value: Any, *, convert: bool = True) -> tuple[Any, str]:

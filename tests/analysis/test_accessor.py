@@ -87,6 +87,8 @@ def test_the_last_state_of_a_pressed_map_is_its_last_step() -> None:
         (lambda ds: ds.roughvol.at(force=1), "allowed: last, or KIND=VALUE"),
         (lambda ds: ds.roughvol.at(), "at takes one level"),
         (lambda ds: ds.roughvol.at(pressure=1, separation=1), "at takes one level"),
+        (lambda ds: ds.roughvol.at(np.array(["p=0.1", "p=0.2"])), "one load is taken, given 2"),
+        (lambda ds: ds.roughvol.at({"pressure": 1, "leg": "x"}), "leg is 'x'; allowed: a whole number from 1"),
         (lambda ds: ds.roughvol.at("last", leg=2), "no leg 2; allowed: 1"),
         (lambda ds: ds.roughvol.at("last", leg=1.0), r"leg is 1\.0; allowed: a whole number from 1"),
         (lambda ds: ds.drop_vars("separation").roughvol.at(separation=0.5), "has no separation; allowed: all var"),

@@ -203,6 +203,8 @@ def levels(loads: Loads | Level) -> list[Level]:
     """
     if isinstance(loads, Level):
         return [loads]
+    if hasattr(loads, "tolist"):  # an array of numpy
+        return levels(loads.tolist())
     if isinstance(loads, Mapping):
         return [parse(text) for text in _texts(loads)]
     if isinstance(loads, Sequence) and not isinstance(loads, str):
@@ -239,7 +241,9 @@ def _texts(load: Mapping[str, object]) -> list[str]:
     values = text_of_value(load[kinds[0]], kinds[0])
     if values == []:
         raise DatasetError(f"{kinds[0]} has no value; allowed: a value or a list, as {{'pressure': ['0.1 MPa']}}")
-    leg = "" if load.get("leg") is None else f", leg {load['leg']}"
+    if (leg := load.get("leg")) is not None and not str(leg).isdecimal():
+        raise DatasetError(f"leg is {leg!r}; allowed: a whole number from 1")
+    leg = "" if leg is None else f", leg {leg}"
     return [f"{kinds[0]}={value}{leg}" for value in (values if isinstance(values, list) else [values])]
 
 
