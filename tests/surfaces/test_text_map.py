@@ -44,12 +44,15 @@ ALONG, ACROSS = np.indices((12, 12))
 GROOVES = np.sin(ALONG) + 0.25 * ACROSS
 SLOPE = np.round(0.31 * ALONG + 0.17 * ACROSS + 0.04 * np.sin(3 * ALONG * ACROSS), 1)
 LATE = np.vstack([np.zeros((60, 4)), np.full((3, 4), 0.5)])
+QUOTED = rows(HEIGHTS, ";").replace(".", ",").replace(";", '","')
 READ = {
     "tilted grooves": (rows(GROOVES, ";"), GROOVES),
     "tilted grooves along y": (rows(GROOVES.T, ";"), GROOVES.T),
     "a coarsely printed slope": (rows(SLOPE), SLOPE),
     "a minus sign of typesetting": (rows(HEIGHTS).replace("-", "\u2212"), HEIGHTS),
     "decimal commas that begin late": (60 * "0 0 0 0\n" + 3 * "0,5 0,5 0,5 0,5\n", LATE),
+    "quoted cells of decimal commas": ("\n".join(f'"{line}"' for line in QUOTED.splitlines()), HEIGHTS),
+    "whole numbers between commas": ("1,7,0,2\n" * 3, np.tile([1.0, 7.0, 0.0, 2.0], (3, 1))),
     "infinite heights at an edge": ("inf inf 1 2 3\n" + rows(HEIGHTS), np.vstack([[np.nan] * 2 + [1, 2, 3], HEIGHTS])),
 }
 
@@ -125,6 +128,7 @@ REFUSED = {
     "blocks.txt": (2 * (GWYDDION + TURNED), "line 10 is a header among the numbers: '# Channel: Topography'"),
     "short.txt": (TURNED[:-20], r"line 5 holds \d numbers, most lines 6"),
     "both.csv": (TURNED.replace(" ", ";").replace(".", ",", 3), "line 1 holds both commas and points"),
+    "close.csv": ("0,13,-0,5,1,06,2,5\n" * 4, "line 1 holds commas in its numbers and between them"),
     "commas.csv": (TURNED.replace(".", ",").replace(" ", ", "), "line 1 holds commas in its numbers and between them"),
     "inches.txt": ("# heights in inch\n" + TURNED, r"line 1 \(# heights in inch\) has the unit 'inch'; allowed: pm"),
     "microinches.txt": ("# x step 5 microinch\n" + TURNED, UNKNOWN),

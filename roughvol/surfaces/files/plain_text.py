@@ -25,6 +25,10 @@ _MISSING = re.compile(
 )
 _NO_DATA = re.compile(r"\bno data\b", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
+_PAIR = r"[-+]?(?:0|[1-9]\d*),\d+"
+_PAIRS = re.compile(rf"{_PAIR}(?:,{_PAIR})+")  # numbers with decimal commas, and commas between them
+_NO_WHOLE = re.compile(r"-0,|,0\d")  # in pairs of whole numbers
+_QUOTED = re.compile(r'"([-+]?\d+),(\d+(?:[eE][-+]?\d+)?)"')
 _COMMENT = re.compile(rf"(?!{_SHEET})#.*", re.IGNORECASE)
 _SAMPLE = 50  # lines searched for the delimiter
 _HEAD = 4096  # bytes searched for control characters
@@ -86,6 +90,8 @@ def words(text: Text) -> Array:
 
 def table(text: Text) -> Array:
     """Return the numbers of a text, a row for each line, NaN where a cell is empty or marked as missing."""
+    if any('","' in line for _, line in text.data):
+        text = replace(text, data=[(number, _QUOTED.sub(r"\1.\2", line)) for number, line in text.data])
     sample = [line for _, line in text.data[:_SAMPLE]]
     mark = _delimiter(sample)
     if mark is None:
@@ -96,7 +102,9 @@ def table(text: Text) -> Array:
     if mark is not None and all(line.startswith(mark) for line in lines):
         lines = [line[1:] for line in lines]
     cells = [cell for line in sample for cell in line.split()] if mark == "," else []
-    if any(cell.endswith(",") for cell in cells) and all(_DECIMAL_COMMA.fullmatch(cell.rstrip(",")) for cell in cells):
+    spaced = any(cell.endswith(",") for cell in cells)
+    pairs = all(map(_PAIRS.fullmatch, lines)) and any(map(_NO_WHOLE.search, lines))
+    if pairs or (spaced and all(_DECIMAL_COMMA.fullmatch(cell.rstrip(",")) for cell in cells)):
         raise DatasetError(
             f"{text.path}: line {text.data[0][0]} holds commas in its numbers and between them; allowed: semicolons"
         )
