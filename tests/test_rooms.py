@@ -59,6 +59,7 @@ LIBRARIES = {  # library -> rooms or modules that import it
     "netCDF4": ("store", "surfaces"),
     "pandas": ("report.screen", "store.dataset"),
     "SurfaceTopography": ("surfaces",),
+    "h5py": ("surfaces",),
     "tifffile": ("surfaces",),
     "matplotlib": ("report.figures", "report.document", "reproduction.figures"),
     "mpl_toolkits": ("report.figures",),

@@ -67,6 +67,8 @@ def opened(request: Request) -> HeightMap:
         turned = reader.format() == "h5" and ending == "mat"  # MATLAB 7.3
         channel = _channel(path, reader, request.variable)
         description = _described(path, reader, channel, request.variable)
+        if reader.format() == "h5" and not request.ignore_header:
+            description = replace(description, heights_unit=_heights_unit(path, channel.name))
         if turned:
             description = replace(description, shape=description.shape[::-1])
 
@@ -161,3 +163,13 @@ def _described(path: Path, reader: Any, channel: Any, wanted: str | None) -> Des
         unsized,
         notes=notes,
     )
+
+
+def _heights_unit(path: Path, name: str) -> str | None:
+    """Return the unit of an array of HDF5 by its attribute, which the library passes over."""
+    import h5py  # a requirement of SurfaceTopography
+
+    with h5py.File(path) as stored:
+        attributes = stored[name].attrs
+        key = next((key for key in ("units", "unit") if key in attributes), None)
+        return None if key is None else length_unit(path, attributes[key], f"{name}:{key}")
