@@ -521,7 +521,7 @@ def test_the_second_leg_of_a_path_has_a_card() -> None:
         assert words in page
     assert "; on leg 1 open up to " in page
     assert re.search(r"against load on leg 1[;.]", page)
-    assert "the sweep has no leg 3; allowed: 1 to 2" in refused("card", study, "--at", "pressure=0.3, leg 3")
+    assert "the sweep has no leg 3; its last is leg 2" in refused("card", study, "--at", "pressure=0.3, leg 3")
 
 
 @pytest.mark.parametrize(

@@ -278,6 +278,8 @@ def nominal_of(run: Dataset, level: Level) -> float:
         raise refused(f"{level.label}: {message}")
     if level.kind not in ("pressure", "load", "last"):
         raise refused(f"{level.label}: allowed: a load, as pressure=0.5MPa, load=20N or last")
+    if level.value is not None and not level.value > 0.0:
+        raise refused(f"{level.label}: allowed: a load > 0")
     if "nominal_pressure" not in run:
         raise refused(f"{level.label}: the run needs pressures with units: give material a unit, as E: 10 MPa")
     if level.kind == "pressure" and isinstance(level.value, Quantity):

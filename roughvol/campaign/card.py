@@ -123,7 +123,7 @@ def _recordable(study: Study, at: Level) -> Level:
     """Return a level as a study records it; refuse a leg that the sweep has not, and a level that is no load."""
     legs = study.sweep.legs
     if at.leg is not None and at.leg > len(legs):
-        raise refused(f"{at.label}: the sweep has no leg {at.leg}; allowed: 1 to {len(legs)}")
+        raise refused(f"{at.label}: the sweep has no leg {at.leg}; its last is leg {len(legs)}")
     if at.kind.startswith("leak_rate"):
         raise refused(f'{at.label} is a leak rate: roughvol ask --leak-rate "{at.value}" finds its pressure')
     if at.kind == "step":

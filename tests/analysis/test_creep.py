@@ -76,7 +76,7 @@ def test_a_law_of_python_is_that_of_its_file_and_names_its_argument(tmp_path: Pa
     assert_allclose(read_times(np.array([1.0, 60.0])), [1, 60])
     with pytest.raises(StudyError, match=r'creep: argument law\["power"\]\["time"\]: .m. is a unit of length'):
         load_creep({"power": {"exponent": 0.2, "time": "1 m"}})
-    with pytest.raises(StudyError, match=r'creep: argument law\["powr"\]: unknown key'):
+    with pytest.raises(StudyError, match=r"""argument law\["powr"\]: unknown key; did you mean 'power'\?"""):
         load_creep({"powr": {}})
 
 
@@ -105,8 +105,11 @@ def test_what_is_no_law_is_refused(text: str, words: str, tmp_path: Path) -> Non
         _law(text, tmp_path)
 
 
-def test_an_absent_law_is_named_once(tmp_path: Path) -> None:
+def test_a_law_that_is_absent_or_no_text_is_named_once(tmp_path: Path) -> None:
     with pytest.raises(StudyError, match=r"creep\.yaml: cannot read the creep law: No such file or directory$"):
+        load_creep(tmp_path / "creep.yaml")
+    (tmp_path / "creep.yaml").write_bytes(b"\xff")
+    with pytest.raises(StudyError, match=r"creep\.yaml: cannot read the creep law: not text in UTF-8$"):
         load_creep(tmp_path / "creep.yaml")
 
 

@@ -30,7 +30,7 @@ from typing import Annotated, Any, Literal, NoReturn
 
 from pydantic import Field, ValidationError, model_validator
 
-from roughvol.errors import Problem, StudyError
+from roughvol.errors import Problem, StudyError, meant
 from roughvol.study.plain_data import Arguments, KeyPath, Reading, UnreadableError, key_text, printable, write
 from roughvol.study.python_data import check_type, plain, refused, text_of_value
 from roughvol.study.sections.material import ContactModulus, YoungPoisson
@@ -221,7 +221,7 @@ def load_creep(given: str | Path | Mapping[str, Any]) -> Creep:
     except ValidationError as error:
         problems = {item["loc"]: _message(item) for item in error.errors(include_url=False)} | problems
     except (OSError, ValueError) as error:  # ValueError: no text in UTF-8, or a path with a null character
-        reason = getattr(error, "strerror", None) or error
+        reason = "not text in UTF-8" if isinstance(error, UnicodeError) else getattr(error, "strerror", None) or error
         raise StudyError([Problem(f"cannot read the creep law: {reason}", file=printable(file))]) from error
     if problems := problems | reading.problems:
         places = reading.places(file, arguments)
@@ -233,7 +233,8 @@ def _message(item: Any) -> str:
     """Return one error of pydantic in plain words."""
     if item["type"] != "extra_forbidden":
         return in_words(item)
-    return f"unknown key; allowed: {', '.join(names(*models_of(Creep)[item['loc'][:-1]]))}"
+    known = names(*models_of(Creep)[item["loc"][:-1]])
+    return f"unknown key{meant(str(item['loc'][-1]), known)}; allowed: {', '.join(known)}"
 
 
 def read_times(times: Any) -> list[float]:
