@@ -89,7 +89,7 @@ def between(group: Dataset, seeds: list[int], places: list[float], over: Array, 
     """
     rows = np.array(seeds, dtype=int)
     low, high = np.floor(places).astype(int), np.ceil(places).astype(int)
-    between_steps = np.array(places) - low
+    between_steps, lifted = np.array(places) - low, leak.of_lifted_gap(group)
     values: dict[str, Any] = {}
     for name in group.data_vars:
         variable = group.variables[name]  # quicker than the array with its coordinates
@@ -104,7 +104,9 @@ def between(group: Dataset, seeds: list[int], places: list[float], over: Array, 
         row = VARIABLES.get(str(name))
         if array.dtype.kind == "f":
             after = np.where(np.isnan(before), before, after)  # between a missing number and a known one: missing
-        if (row is None or row.kind == "real") and name not in WAYS and array.dtype.kind == "f":
+        if name in lifted:
+            after = np.where(share == 0.0, before, np.nan)
+        elif (row is None or row.kind == "real") and name not in WAYS and array.dtype.kind == "f":
             with np.errstate(invalid="ignore"):  # between two infinite numbers, as of Knudsen where no way is open
                 mixed = np.where(before == after, before, before + share * (after - before))
             is_flow = name in BY_LOGARITHM
@@ -334,7 +336,7 @@ def _close_where_solved(
 
 def _of_ways(data: Dataset) -> list[str]:
     """Return the numbers along seed and axis that are 0 where a way of the dry gap is closed."""
-    lifted = (*leak.LIFTED, "open") if leak.is_lifted(data) else ()  # the fluid may keep these open
+    lifted = leak.of_lifted_gap(data)  # the fluid may keep these open
     names = [name for name in (*BY_LOGARITHM, *WAYS) if name in data and name not in lifted]
     return [name for name in names if data.variables[name].dims == ("seed", "axis")]
 

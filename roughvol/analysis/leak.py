@@ -62,6 +62,11 @@ def is_counted(ds: Dataset) -> bool:
     return "flow" in ds or any(f"{name}_dry" in ds for name in DRY)
 
 
+def of_lifted_gap(ds: Dataset) -> tuple[str, ...]:
+    """Return the numbers of the lifted gap, which are known at recorded states alone; none without fluid pressure."""
+    return (*LIFTED, "open") if is_lifted(ds) else ()
+
+
 def counted(ds: Dataset) -> Dataset:
     """Return a run whose flows are those that count; without fluid pressure, or counted before, the run itself.
 

@@ -139,6 +139,13 @@ def test_under_fluid_pressure_the_leak_is_that_of_the_lifted_gap() -> None:
     assert between_states.data["leak_rate"].isnull().all()
 
 
+def test_the_lifted_leak_is_not_read_off_between_two_steps_that_have_it(tmp_path: Path) -> None:
+    text = LIFT.replace("{steps: 4, to: {pressure: 0.05 MPa}}", "{pressures: [0.03 MPa, 0.05 MPa]}")
+    found = _made(text.replace("[3, 4, 5]", "[3]"), tmp_path).roughvol.at("pressure=0.04 MPa")
+    assert all(found[name].isnull().all() for name in ("leak_rate", "open"))
+    assert found["leak_rate_dry"].notnull().all()
+
+
 def test_a_step_that_ends_short_of_a_recorded_load_has_the_lifted_leak_there() -> None:
     """The recorded state belonged to the next step, and the leak of this surface was missing at the listed load."""
     ds = _run("lift").dataset
