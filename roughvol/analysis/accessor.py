@@ -98,7 +98,6 @@ class Accessor:
             return _together([_labelled(state) for _, state in every])
 
         result = self._by_part(of_part)
-        result = result.reindex({name: self._ds[name] for name in SURFACES if name in result.dims})
         result["reached"] = (result["reached"] == 1.0).assign_attrs(
             units="1", long_name="the surface reaches the level"
         )
@@ -248,7 +247,7 @@ class Accessor:
         return average.averages(self._ds, over)
 
     def _by_part(self, function: Callable[[Dataset], Dataset]) -> Dataset:
-        """Return what a function returns for the combinations of the lists that have an answer, joined again."""
+        """Return the answers of a function for the combinations of the lists, in the order of the labels; else NaN."""
         found = []
         for part, result in answers(parts_of(widened(self._ds)), lambda part: function(part.dataset))[0]:
             for name, label in part.labels.items():
@@ -256,7 +255,8 @@ class Accessor:
             found.append(result)
         joined = _together(found).assign_attrs(self._ds.attrs)
         single = (*chosen(self._ds), *recorded(self._ds))
-        return joined.isel({name: 0 for name in single if name in joined.dims})
+        result = joined.isel({name: 0 for name in single if name in joined.dims})
+        return result.reindex({name: self._ds[name] for name in SURFACES if name in result.dims})
 
 
 def _level(state: Load, kind: dict[str, Number], leg: int | None) -> Level:

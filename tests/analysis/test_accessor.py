@@ -70,6 +70,10 @@ def test_derived_numbers_have_units_and_are_converted(swept: Dataset) -> None:
     assert kilo["mean_gap"].attrs["units"] == "nm"
 
 
+def test_derived_numbers_keep_the_order_of_the_labels(swept: Dataset) -> None:
+    assert swept.isel(E=[1, 0]).roughvol.derived()["E"].values.tolist() == [20.0, 10.0]
+
+
 def test_the_last_state_of_a_pressed_map_is_its_last_step() -> None:
     heights = np.random.Generator(np.random.PCG64(3)).normal(size=(12, 17))
     ds = roughvol.press(heights, L=1.0, E_star=1.0, sweep={"steps": 3, "to": {"contact_area": 0.3}})
