@@ -147,6 +147,11 @@ def test_an_unloaded_region_is_compared_at_no_load_and_stays_open(here: Path) ->
     assert [way["value"] for way in ask["answers"]] == [None, None]  # the first step was called closed
 
 
+def test_a_comparison_has_the_units_of_the_ranges_of_its_flows() -> None:
+    units = answered("compare", "wet", "dry", "--at", "last")["units"]
+    assert {units[f"leak_rate_x{end}"] for end in ("", "_low", "_high")} == {"mm^3/s"}
+
+
 def test_compare_puts_runs_side_by_side_at_equal_loads() -> None:
     rows = list(csv.DictReader(io.StringIO(said("compare", "wet", "dry", "--csv"))))
     states = list(dict.fromkeys(row["state"] for row in rows))

@@ -272,13 +272,14 @@ class Compared:
             for column in self.states.columns:
                 values = of_all(data[column].values, state.surfaces) if column in data else np.array([np.nan])
                 over = average(column, values)
-                row[column] = over.value
+                numbers: dict[str, Any] = {column: over.value}
                 if column.startswith("open_"):
-                    row[column] = int(np.nansum(values)) if over.count else None
+                    numbers[column] = int(np.nansum(values)) if over.count else None
                 elif is_flow(column):
-                    row |= {f"{column}_low": over.low, f"{column}_high": over.high}
+                    numbers |= {f"{column}_low": over.low, f"{column}_high": over.high}
+                row |= numbers
                 if column in data:
-                    units[column] = str(data[column].attrs.get("units", "1"))
+                    units |= dict.fromkeys(numbers, str(data[column].attrs.get("units", "1")))
             rows.append(row)
         return _plain_rows(rows, units)
 
