@@ -105,6 +105,12 @@ def test_the_study_of_a_height_map_takes_lists_and_mappings() -> None:
     assert "surface.file is no mapping" in refused("init", "face.txt", "--set", "surface.file.x=3")
 
 
+def test_init_passes_over_a_header_that_is_not_understood() -> None:
+    np.savetxt("face.csv", np.eye(9, 3), header="Date,2026-03-21", comments="", delimiter=",")
+    given = ["surface.header=ignore", "surface.columns=heights", "surface.L=9 um"]
+    said("init", "face.csv", *(word for change in given for word in ("--set", change)))
+
+
 def test_a_file_that_is_not_read_is_named_without_the_study_that_is_not_written() -> None:
     Path("face.stl").write_bytes(b"solid\0\0\0" + bytes(16))
     told = refused("init", "face.stl")

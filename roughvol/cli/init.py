@@ -159,15 +159,17 @@ def _lacking(study: str, file: str, known: Set[str]) -> dict[str, str]:
             return lacking
         raise StudyError([replace(problem, file="", line=None) for problem in error.problems]) from None  # not written
     body = case.bodies[0]
+    ignored = body.header == "ignore"
     try:
         surface_of(case)
     except SurfaceError as error:  # others are those of `roughvol check`, but for a file that holds no heights
         if "surface.missing" in str(error) and "missing" not in known:
             return {"missing": DECIDED["missing"]}
-        reading.read(body.file, body.variable, holes=True, columns=body.columns, ignore_header=body.header == "ignore")
+        reading.read(body.file, body.variable, holes=True, columns=body.columns, ignore_header=ignored)
     if not case.length_unit:
         return {"unit": TO_FILL_IN["unit"]}
-    counts = body.numbers_in is None and reading.describe(body.file, body.variable).counts
+    described = reading.describe(body.file, body.variable, columns=body.columns, ignore_header=ignored)
+    counts = body.numbers_in is None and described.counts
     return {"heights_unit": COUNT} if counts and "heights_unit" not in known else {}
 
 
