@@ -157,6 +157,8 @@ class Study(StudyFile):
                     first = f"{L:.9g} {found[0].length_unit or ''}".strip()
                     own = f"{measured.L:.9g} {unit or ''}".strip()
                     message = f"the files differ in L: {found[0].label} has {first}, {Path(scan.file).name} has {own}"
+                    if unit and unit == found[0].length_unit:
+                        message += f"; a crop gives them one, as crop: {{x: [0, {min(L, measured.L):.9g} {unit}]}}"
                     raise StudyError([Problem(message, "surface.files")])
                 made = case(kernel=self.kernel(unit), gas=self._gas(unit), **{**vars(measured), "L": L})
                 if same := next((other for other in found if other.id == made.id), None):
