@@ -74,6 +74,7 @@ def plot(
     each: Mapping[str, Any] = results if several else {"": results}  # type: ignore[assignment]
     if not each:
         raise DatasetError("plot takes one run or more, given an empty mapping")
+    check_type(results, object, 'several runs are a mapping of their labels, as {"fine": "seal"}', but=(list, tuple))
     stored = [(str(name), opened(one, changes)) for name, one in each.items()]
     runs = content.parts([(name or run.name, run.dataset) for name, run in stored])
     check_type(figure, str, "a figure is text")

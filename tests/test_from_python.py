@@ -110,6 +110,7 @@ WRONG: list[tuple[Callable[[Any], Any], Any, str]] = [
     (roughvol.report_on, Path("joint"), f"{RUNS}PosixPath"),
     (roughvol.report_on, {"joint": 1}, f"{RUNS}dict"),
     (roughvol.plot, {}, "plot takes one run or more, given an empty mapping"),
+    (roughvol.plot, ["joint"], 'several runs are a mapping of their labels, as {"fine": "seal"}, given .* list'),
     (lambda figure: roughvol.plot(pressed(), figure), 3, "a figure is text, given a value of the type int"),
     (lambda name: pressed().roughvol.mean(name), ["seed"], "a dimension is text, given a value of the type list"),
     (lambda name: pressed().roughvol.quantity(name), [], "the name of a variable is text, given a value .* list"),
