@@ -39,6 +39,7 @@ def test_a_run_ends_with_its_chief_states_in_the_units_of_the_study(printed: dic
     head, *rows = _columns(printed["wet"])[1:6]
     assert head[:3] == ["surface", "state", "surfaces"]
     assert {"p [MPa]", "A*", "V*", "g_mean [um]", "median Q_x [mm^3/s]", "median Q_y [mm^3/s]"} <= set(head)
+    assert "T_x*" not in " ".join(head)
     assert [row[1] for row in rows] == ["contact_area=0.2", "step 8"] * 2
 
 
@@ -161,6 +162,11 @@ def test_compare_puts_runs_side_by_side_at_equal_loads() -> None:
         pressures = [float(row["nominal_pressure"]) for row in rows if row["state"] == state]
         assert pressures == pytest.approx([float(state.removeprefix("pressure=").removesuffix("MPa"))] * len(pressures))
     assert {row["run"] for row in rows} == {"wet, D = 2.2, m = 4", "wet, D = 2.4, m = 4", "dry"}
+
+
+def test_compare_has_the_transmissivity_where_no_leak_has_a_unit(here: Path) -> None:
+    ran("bare", "surface: {D: 2.2, m: 3, seeds: 1}\nrecord: {transport: {transmissivity: last}}\nsweep: {steps: 3}\n")
+    assert "  T_x*  " in said("compare", "bare", "bare", "--at", "last")
 
 
 @pytest.mark.parametrize(

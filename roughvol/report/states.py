@@ -19,8 +19,7 @@ from roughvol.observables.variables import QUANTITIES, columns
 from roughvol.typing import Array
 
 IN_PLACE: Mapping[str, Mapping[str, str]] = {
-    "short": {"nominal_pressure": P},
-    "states": {"nominal_pressure": P, "leak_rate_x": "transmissivity"},
+    table: {"nominal_pressure": P, "leak_rate_x": "transmissivity"} for table in ("short", "states")
 }
 """By table: a column with a unit that stands in the place of starred columns, which stay in study.nc."""
 STARRED = ("separation", "mean_plane_separation", "indentation", P)
