@@ -132,6 +132,7 @@ def test_a_change_of_a_key_is_that_of_the_run_or_an_error() -> None:
         (("card", "tiny", "--at", "p=0.3", "MPa", "--at", "p=0.5", "MPa"), "in quotation marks: 'p=0.3 MPa'"),
         (("compare", "tiny", "tiny", "--at", "pressure=0.3", "MPa"), "in quotation marks: 'pressure=0.3 MPa'"),
         (("ask", "tiny", "--leak-rate", "1e-6", "mm^3/s"), r"in quotation marks: '1e-6 mm\^3/s'"),
+        (("show", "tiny", "--set", "surface.m=5", "--set", "surface.D=2.9"), r"roughvol show runs/tiny\s*$"),
         (("ask", "tiny", "--leak-rate", "3 MPa"), "the leak rate is '3 MPa'"),
         (("ask", "none", "--leak-rate", "1 mm^3/s"), "none"),
         (("card", "tiny.yaml", "--at", "load=3"), "load=3: needs its unit, as load=20N"),

@@ -129,7 +129,7 @@ def _cut_value(words: list[str], refused: str) -> str:
     """Return what to do where a unit is refused as a word, cut from its number, as ``--at pressure=0.5 MPa``."""
     told = re.findall(r"[^\s()':;]+", refused)
     for number, unit in itertools.pairwise(words):
-        if unit in told and re.fullmatch(r"([\w.]+=)?[-+.\d]+(e[-+]?\d+)?", number):
+        if unit in told and not unit.startswith("-") and re.fullmatch(r"([\w.]+=)?[-+.\d]+(e[-+]?\d+)?", number):
             return f"; a value with a blank is in quotation marks: '{number} {unit}'"
     return ""
 
