@@ -166,6 +166,7 @@ def test_L_agrees_with_the_coordinates() -> None:
         (MAP * UNITS.megapascal, r"'MPa'"),
         ([row * UNITS.nanometer for row in MAP], r"each row .* is a quantity; allowed: one quantity"),
         ([[height * UNITS.nanometer for height in row] for row in MAP], r"each row .* is a quantity"),
+        (roughvol.surfaces.Surface(MAP, 0.5), r"a Surface .* surface\.heights, and L"),
         (pd.DataFrame(MAP, index=X), r"DataFrame .*to_numpy"),
     ],
 )

@@ -42,6 +42,8 @@ def write(heights: Any, folder: Path, name: str = VARIABLE) -> Path:
     elif hasattr(heights, "dims") and hasattr(heights, "attrs"):  # a DataArray or a Variable
         array, attributes, coordinates = _of_data_array(heights)
         dims = tuple(map(_name, heights.dims))
+    elif isinstance(getattr(heights, "heights", None), np.ndarray):
+        raise SurfaceError("a Surface has no unit of length; give its numbers, as surface.heights, and L")
     else:
         if any(type(axis).__name__ != "RangeIndex" for axis in getattr(heights, "axes", ())):
             raise SurfaceError("a DataFrame has labels without units; give its numbers, as .to_numpy(), and L")
