@@ -18,8 +18,9 @@ from typing import Any, SupportsFloat, SupportsIndex
 from roughvol.campaign import execution, machine, notebook
 from roughvol.campaign.batch import OnEvent, Progress
 from roughvol.errors import CampaignError, Problem, RoughvolError, StudyError, SurfaceError, warn
+from roughvol.store import run as stored_run
 from roughvol.store.dataset import Dataset
-from roughvol.study import Arguments, Study, changed, changes_of, load, of_data
+from roughvol.study import Arguments, Study, changed, changes_of, of_data
 from roughvol.surfaces.files import memory
 from roughvol.typing import Changes, Number
 
@@ -56,7 +57,7 @@ def run(
 
     Parameters
     ----------
-    study : Study, path of a study file, or mapping
+    study : Study, path of a study file, run by folder or name, or mapping
         The study. A mapping has the keys of a study file; its values may be objects of numpy, pint and pathlib.
         ``study["surface"]["heights"]`` takes heights in memory, as `press` does, in place of ``file``.
     out : path, optional
@@ -116,7 +117,11 @@ def run(
     texts = changes_of(changes)
     if not isinstance(study, Mapping):
         with _named({}):
-            whole = load(study, texts) if isinstance(study, str | os.PathLike) else changed(study, texts)
+            if isinstance(study, str | os.PathLike):
+                whole, folder = stored_run.study_of(Path(study), texts)
+                options["out"] = folder if out is None else out
+            else:
+                whole = changed(study, texts)
             return _warned(execution.run(whole, **options))
     with _written(study, Arguments("run", {"": "study"})) as (data, names, files):
         if files and scheduler is not None:
