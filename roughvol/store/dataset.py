@@ -120,7 +120,7 @@ def to_bytes(dataset: Dataset) -> bytes:
     return stamped_file.stamped(content, labels)
 
 
-def write(dataset: Dataset, path: Path) -> None:
+def write(dataset: Dataset, path: str | Path) -> None:
     """Write a dataset to a stamped file that is either whole or absent.
 
     Raises
@@ -130,18 +130,17 @@ def write(dataset: Dataset, path: Path) -> None:
 
     Examples
     --------
-    >>> from pathlib import Path
     >>> import roughvol
     >>> from roughvol.store import dataset
     >>> ds = roughvol.run({"name": "one", "surface": {"D": 2.3, "m": 3, "seeds": 1}, "sweep": {"steps": 2}}, jobs=1)
-    >>> dataset.write(ds, Path("copy.nc"))
-    >>> dataset.read(Path("copy.nc")).equals(ds)
+    >>> dataset.write(ds, "copy.nc")
+    >>> dataset.read("copy.nc").equals(ds)
     True
     """
-    stamped_file.write(path, to_bytes(dataset))
+    stamped_file.write(Path(path), to_bytes(dataset))
 
 
-def read(path: Path, *, saved: bool = False) -> Dataset:
+def read(path: str | Path, *, saved: bool = False) -> Dataset:
     """Return a stored dataset, loaded. Its checksum is verified first: a damaged file may crash a library.
 
     With ``saved``, a file without a checksum is read as well: one that a user wrote with ``to_netcdf``.
@@ -151,6 +150,7 @@ def read(path: Path, *, saved: bool = False) -> Dataset:
     DatasetError
         If the file is missing, truncated, altered, or was not written by roughvol.
     """
+    path = Path(path)
     content, labels = stamped_file.read(path) if saved else stamped_file.verified(path)
     try:
         dataset = _opened(content)
