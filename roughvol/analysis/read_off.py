@@ -239,7 +239,9 @@ def _several(run: Dataset, names: Sequence[str]) -> str:
     message = f"the run has several {name} ({held}); allowed: surfaces of one kind at one value of each key"
     known = choices(study) if study else {}
     if not known.keys() >= set(names):  # a run of several D or m has none of one alone
-        return f"{message}; roughvol run STUDY --set name=NAME, with one value of each, takes the stored cases"
+        if study is not None and study.ensemble is None:
+            message += "; roughvol run STUDY --set name=NAME, with one value of each, takes the stored cases"
+        return message
     changes = [[shlex.quote(known[one][label]) for label in run[one].values.tolist()] for one in names]
     options = "; ".join(f"--set {' or '.join(of_one)}" for of_one in changes)
     return f"{message}; one combination opens by a change of each key: {options}"
