@@ -60,7 +60,9 @@ def run(
         if another and not fresh:
             raise FolderError(another)
         stamped_file.store(folder / "study.yaml", study.stored().encode())
-        for file in made:
+        bodies = {body.file for case in cases.values() for body in case.bodies}
+        beside = {file for file in bodies if (file.parent / "study.nc").is_file() and not file.parent.samefile(folder)}
+        for file in {*made, *beside}:  # heights beside another run were in memory
             stamped_file.store(folder / file.name, file.read_bytes())
         notices, absent = inventory.sorted_out(folder, cases, fresh=again, another=another is not None)
         if study.ensemble is not None:

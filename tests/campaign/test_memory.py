@@ -202,6 +202,8 @@ def test_run_takes_heights_in_memory_and_keeps_them_beside_its_results() -> None
     for again in (load("runs/kept/study.yaml"), study_of("kept")[0]):
         assert again.cases()[0].id == id  # the file of heights is beside the study
     assert said("status", "kept").startswith("runs/kept: 1 of 1 cases finished")
+    said("run", "kept", "--set", "name=finer", "--set", "sweep.steps=3", "--jobs", "1")
+    assert "heights.nc read by" in said("check", "finer")
     before = Path("runs/kept/cases").stat().st_mtime_ns
     roughvol.run(study, jobs=1)
     assert Path("runs/kept/cases").stat().st_mtime_ns == before  # nothing is computed twice
