@@ -159,6 +159,8 @@ class Study(StudyFile):
                     message = f"the files differ in L: {found[0].label} has {first}, {Path(scan.file).name} has {own}"
                     if unit and unit == found[0].length_unit:
                         message += f"; a crop gives them one, as crop: {{x: [0, {min(L, measured.L):.9g} {unit}]}}"
+                    elif unit and found[0].length_unit:
+                        message += f"; one unit of all lengths is surface.unit, as unit: {unit}"
                     raise StudyError([Problem(message, "surface.files")])
                 made = case(kernel=self.kernel(unit), gas=self._gas(unit), **{**vars(measured), "L": L})
                 if same := next((other for other in found if other.id == made.id), None):

@@ -212,7 +212,7 @@ class HeightFile(Sized):
 
     model_config = ConfigDict(json_schema_extra=_one_or_several)
 
-    file: HeightPath = Field(description=_FILE)
+    file: HeightPath = Field(description=f"{_FILE}; several: files")
     files: Annotated[tuple[HeightPath, ...], AS_TUPLE, WithJsonSchema(_FILES)] = default(
         (),
         "instead of file: a pattern as scans/*.al3d, or a list of files, each a case of its own; all of "
