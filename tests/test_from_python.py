@@ -129,6 +129,7 @@ WRONG: list[tuple[Callable[[Any], Any], Any, str]] = [
     (lambda jobs: roughvol.check(TINY, jobs=jobs), 2.5, "jobs is 2.5; allowed: a whole number, 1 or more"),
     (lambda at: roughvol.run(TINY, scheduler=at), 3, "the scheduler's address is text, given a value of the type int"),
     (lambda out: roughvol.card(TINY, out=out), 3, "the folder of the results is a path, given a value of the type int"),
+    (lambda fresh: roughvol.run(TINY, fresh=fresh), "no", "fresh is True or False, given a value of the type str"),
     (lambda only: roughvol.run(TINY, only=only), "id", "only is a list of ids of cases, given a value of the type str"),
     (lambda only: roughvol.run(TINY, only=only), [3], "only: 3 names no case of this study"),
     (lambda changes: roughvol.show(pressed(), changes=changes), "surface.m=6", "changes are of a run by name or path;"),

@@ -45,6 +45,7 @@ def run(
         if not callable(function):
             raise refused(f"{name} is a function, given a value of the type {type(function).__name__}")
     machine.check_jobs(jobs)
+    check_type(fresh, bool, "fresh is True or False")
     control = Control(jobs, scheduler, on_event, stopping)
     surface = check_surfaces(study, made)
     folder = folder_of(study, out)
