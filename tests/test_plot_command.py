@@ -260,13 +260,27 @@ def test_every_figure_of_the_first_leg_of_a_path_says_so() -> None:
 
 def test_a_figure_of_a_path_marks_where_each_leg_closes_and_opens() -> None:
     load, flow = np.arange(6.0), np.array([0.0, 0.0, 3.0, 2.0, 1.0, 0.0])
-    assert list(yielding._ends(load, flow)) == [((2.0, 3.0), 1.0), ((4.0, 1.0), 5.0)]
-    assert not list(yielding._ends(load, flow + 1.0))
+    assert list(yielding._ends(load, flow, np.nan)) == [((2.0, 3.0), 1.0), ((4.0, 1.0), 5.0)]
+    assert not list(yielding._ends(load, flow + 1.0, 4.2))
+
+
+def _marks(run: str, name: str) -> set[float]:
+    lines = [line for ax in roughvol.plot(run, name).axes for line in ax.get_lines()]
+    return {float(line.get_xdata()[0]) for line in lines if line.get_label() == "_closed"}
+
+
+def test_a_solved_closing_load_is_marked_at_one_place_in_all_figures() -> None:
+    ran("solved", LOOPS.replace("every-step", "every-step, closing: true").replace("pressure: 1}", "pressure: 4 MPa}"))
+    assert len(_marks("solved", "leak_of_p")) == 2
+    assert _marks("solved", "path_loops") == _marks("solved", "leak_of_p")
 
 
 def test_the_elements_of_a_map_of_yield_have_their_nodes_at_the_centre() -> None:
     heights = np.random.Generator(np.random.PCG64(2)).normal(size=(6, 9))
     record = {"heights": True, "residual_heights": True}
     ds = roughvol.press(heights, L=1.0, E_star=1.0, hardness=0.5, to={"pressure": 0.2}, steps=2, record=record)
-    (image,) = roughvol.plot(ds, "yielded_map").axes[0].images
+    ax, _ = roughvol.plot(ds, "yielded_map").axes
+    (image,) = ax.images
     assert image.get_extent() == pytest.approx([-0.1, 1.1, -0.1, 1.7])
+    ds["residual_heights"] = ds["heights"]
+    assert len(roughvol.plot(ds, "yielded_map").axes) == 1  # without yield no scale of colours

@@ -26,6 +26,7 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis import leak
+from roughvol.analysis.closing import solved_loads
 from roughvol.analysis.derived import P, V
 from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run
@@ -33,7 +34,7 @@ from roughvol.analysis.tables import number
 from roughvol.analysis.units import scales
 from roughvol.errors import DatasetError
 from roughvol.observables.at_state import at_state
-from roughvol.observables.variables import AXES, OF_STATE, OF_YIELD, SOLVED, STATES, VARIABLES
+from roughvol.observables.variables import AXES, OF_STATE, OF_YIELD, STATES, VARIABLES
 from roughvol.study import STARRED, STATE_KINDS, Level, Quantity, Scale, Study, convert, parse
 from roughvol.study.values.state_kinds import LOAD_OF_REGION, REACHED, slack
 from roughvol.study.values.units import unit_of
@@ -282,9 +283,7 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
 
 def _crossings(group: Dataset, leg: int) -> Array:
     """Return the solved loads p* at which ways of a leg close or open, shape (surfaces, axes); NaN without."""
-    if SOLVED not in group or (leg > 1 and "plastic_volume" in group):  # elastic contact closes and opens at one load
-        return np.full((group.sizes["seed"], len(AXES)), math.nan)
-    return group[SOLVED].transpose("seed", "axis").values
+    return np.transpose([solved_loads(group, axis, P, leg) for axis in group.indexes.get("axis", AXES)])
 
 
 def _around(group: Dataset, name: str, reached: list[int], places: list[float]) -> tuple[Array, Array]:

@@ -56,9 +56,12 @@ def spans(group: Dataset, axis: str, load: str = "") -> list[Span]:
     return [span for span in found if span is not None]
 
 
-def solved_loads(group: Dataset, axis: str, load: str) -> list[float]:
-    """Return the solved load at which each surface closes along an axis, as a variable of `LOADS`; NaN without it."""
-    if SOLVED not in group:
+def solved_loads(group: Dataset, axis: str, load: str, leg: int = 1) -> list[float]:
+    """Return the solved load at which each surface closes along an axis, as a variable of `LOADS`; NaN without it.
+
+    On a later leg elastic contact closes and opens at the same load. A surface that yields does not.
+    """
+    if SOLVED not in group or (leg > 1 and "plastic_volume" in group):
         return [math.nan] * group.sizes["seed"]
     loads, starred = (group[name].transpose("seed", "step").values for name in (load, "mean_pressure"))
     return [

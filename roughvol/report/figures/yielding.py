@@ -14,7 +14,8 @@ from matplotlib.lines import Line2D
 from xarray import Dataset
 
 from roughvol.analysis.average import averages
-from roughvol.analysis.leak import counted
+from roughvol.analysis.closing import solved_loads
+from roughvol.analysis.leak import counted, is_lifted
 from roughvol.analysis.legs import along
 from roughvol.analysis.tables import spread
 from roughvol.observables.variables import columns_of
@@ -62,8 +63,10 @@ def path_loops(ds: Dataset) -> Drawing:
                 lines = ax.plot(x, drawn, ls=dash, color=family.look["color"])
                 axis = name[-1] if logarithmic else None
                 named(ax, lines, family, curve=f"{family.label}, leg {leg}", axis=axis)
-                if logarithmic:
-                    ends += [(ax, name[-1], family.look["color"], *end, family) for end in _ends(x, y)]
+                if axis:
+                    solved = [] if is_lifted(ds) else solved_loads(family.data, axis, load, leg)
+                    middle = np.sort([*solved, np.nan])[len(solved) // 2]  # from it on the median is closed
+                    ends += [(ax, axis, family.look["color"], *end, family) for end in _ends(x, y, middle)]
     for ax, (name, label, logarithmic) in zip(panels, names, strict=True):
         unit = unit_of(ds, "leak_rate") if name.startswith("leak_rate") else ""
         below = LABELS[P] if load == P else f"nominal pressure $p$ [{unit_of(ds, NOMINAL)}]"
@@ -85,11 +88,15 @@ def path_loops(ds: Dataset) -> Drawing:
     return fig
 
 
-def _ends(load: Array, flow: Array) -> Iterator[tuple[tuple[float, float], float]]:
-    """Yield the open state next to each closing or opening along a leg, and the load of the closed state."""
+def _ends(load: Array, flow: Array, solved: float) -> Iterator[tuple[tuple[float, float], float]]:
+    """Yield the open state next to each closing or opening along a leg, and the load at which it closes or opens.
+
+    This is the solved closing load between the open and the closed state, or the load of the closed state.
+    """
     for k in np.flatnonzero((flow[1:] > 0.0) != (flow[:-1] > 0.0)).tolist():
         open_, shut = (k, k + 1) if flow[k] > 0.0 else (k + 1, k)
-        yield (float(load[open_]), float(flow[open_])), float(load[shut])
+        low, high = sorted((float(load[open_]), float(load[shut])))
+        yield (float(load[open_]), float(flow[open_])), solved if low <= solved <= high else float(load[shut])
 
 
 def yielded_map(ds: Dataset) -> Drawing:
@@ -105,8 +112,9 @@ def yielded_map(ds: Dataset) -> Drawing:
     half = x[1] / 2  # a node is the centre of its element
     extent = (-half, x[-1] + half, -half, y[-1] + half)
     image = ax.imshow(yielded.T, origin="lower", extent=extent, cmap="viridis_r", interpolation="none")
-    fig.colorbar(image, ax=ax, label=r"plastic displacement $u_\mathrm{pl}/\sigma$", shrink=0.85)
     share = float(np.isfinite(yielded).mean())
+    if share:
+        fig.colorbar(image, ax=ax, label=r"plastic displacement $u_\mathrm{pl}/\sigma$", shrink=0.85)
     ax.set(xlabel="$x/L$", ylabel="$y/L$", title=f"{name}: yielded on {share:.1%} of the elements, white elsewhere")
     fig.shown = {"D": [float(case["D"])], "m": [float(case["m"])]} if "D" in case.coords else {}
     return fig
