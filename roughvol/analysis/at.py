@@ -5,8 +5,9 @@ A later leg begins at the last step of the leg before. Between two steps, a numb
 over the logarithm of the load, so the leak there is the reading of `leak_curve`. A leak rate is at the load that has
 this reading. A way that closes between two steps is open up to the second step, and its flow lies on the straight line
 to 0 there. Where a study has its closing load solved, the way is open up to this load. Its flow and opening then fall
-to 0 there on a straight line over p*. Counts are those of the step beyond. A state that a study records is the state
-solved for it; before the first step it has the numbers recorded for it alone.
+to 0 there on a straight line over p*. The inverse of a Knudsen number is read as an opening. Counts are those of the
+step beyond. A state that a study records is the state solved for it; before the first step it has the numbers recorded
+for it alone.
 
 A step that misses a level by less than `level.REACHED` is the level. A sweep that ended at a target has reached this
 target, and a listed load is the step solved for it. A surface whose sweep ended before a higher load is closed there if
@@ -40,7 +41,8 @@ from roughvol.study.values.state_kinds import LOAD_OF_REGION, REACHED, slack
 from roughvol.study.values.units import unit_of
 from roughvol.typing import Array
 
-BY_LOGARITHM = (*leak.FLOWS, "critical_opening", "critical_opening_dry", "critical_gap")
+KNUDSEN = "knudsen_number"  # a mean free path over an opening
+BY_LOGARITHM = (*leak.FLOWS, "critical_opening", "critical_opening_dry", "critical_gap", KNUDSEN)
 WAYS = ("open", "open_dry", "percolates")  # a way that closes between two steps is closed from the second step on
 # in units, of starred numbers
 MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V, "mean_plane_separation": "separation"}
@@ -108,7 +110,7 @@ def between(group: Dataset, seeds: list[int], places: list[float], over: Array, 
         if name in lifted:
             after = np.where(share == 0.0, before, np.nan)
         elif (row is None or row.kind == "real") and name not in WAYS and array.dtype.kind == "f":
-            with np.errstate(invalid="ignore"):  # between two infinite numbers, as of Knudsen where no way is open
+            with np.errstate(invalid="ignore"):  # between two infinite numbers
                 mixed = np.where(before == after, before, before + share * (after - before))
             is_flow = name in BY_LOGARITHM
             curved = _curved(array[rows], over[rows], places, logarithm=is_flow, over_log=is_flow and is_load)
@@ -221,6 +223,7 @@ def state_at(run: Run, group: Dataset, level: Level) -> State:
 
 def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach: list[float]) -> State | None:
     """Return the surfaces at a level of a leg, None if there are none; add the values of the leg to ``reach``."""
+    group = _inverse(group)
     on_leg = np.flatnonzero(group["leg"].values == leg) if "leg" in group else np.arange(group.sizes["step"])
     offset = int(on_leg[0])
     turn = int(offset > 0 and level.kind not in ("last", "step"))  # a leg begins where the leg before ends
@@ -278,7 +281,15 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     if beyond:
         _close(data, len(reached), shut[beyond])
     apart = 1.0 if flows else _apart(group, reached, places)
-    return State(label, data, group.sizes["seed"], len(beyond), recorded, apart)
+    return State(label, _inverse(data), group.sizes["seed"], len(beyond), recorded, apart)
+
+
+def _inverse(data: Dataset) -> Dataset:
+    """Return numbers with the inverse of the Knudsen number, which is infinite where a way is closed."""
+    if KNUDSEN not in data:
+        return data
+    with np.errstate(divide="ignore"):
+        return data.assign({KNUDSEN: data[KNUDSEN].copy(data=1.0 / data[KNUDSEN].values)})
 
 
 def _crossings(group: Dataset, leg: int) -> Array:

@@ -362,7 +362,8 @@ def test_numbers_of_a_recorded_state_in_units_are_those_without(tmp_path: Path) 
 
 
 def test_elastic_contact_opens_at_the_load_at_which_it_closes(tmp_path: Path) -> None:
-    text = CLOSING.replace("closing: true", "closing: true, constriction: every-step")
+    text = CLOSING.replace("closing: true", "closing: true, constriction: every-step, gas_flow: every-step")
+    text += "fluid: {gas: helium, inlet: 1 bar, outlet: 0 bar}\n"
     ds = _made(text, tmp_path, "[{pressures: [0.01 MPa, 2 MPa]}, {pressures: [1.9 MPa, 0.01 MPa]}]")
     closes = ds.closing_pressure * (ds.nominal_pressure / ds.mean_pressure).isel(step=0)
     for load in (0.5 * float(closes.min()), 1.001 * float(closes.median()), 1.001 * float(closes.max())):
@@ -372,6 +373,9 @@ def test_elastic_contact_opens_at_the_load_at_which_it_closes(tmp_path: Path) ->
             way = (closes > load).transpose(*found.open.dims)
             for name in ("open", "percolates", "critical_gap", "transmissivity", "leak_rate"):
                 assert np.array_equal(found[name].transpose(*way.dims) > 0.0, way), name
+            path = (found.knudsen_number * found.critical_gap).where(found.open == 1.0)  # the mean free path
+            assert int(path.count()) == int(way.sum())
+            assert_allclose(path.max(), path.min(), rtol=1e-9)
 
 
 def test_a_listed_load_of_a_later_leg_is_the_step_solved_for_it(tmp_path: Path) -> None:

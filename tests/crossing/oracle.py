@@ -7,7 +7,8 @@ Conventions, as the pages state them:
 - Under fluid pressure the leak is ``fluid_leak_rate_*`` at the load of a recorded state. The leak along the steps is
   named dry.
 - Between two steps: monotone cubics over the quantity asked for. Those of flows and openings are of the logarithm, at a
-  load over its logarithm, where both steps are open; else straight lines. A later leg begins at the end of the leg
+  load over its logarithm, where both steps are open; else straight lines. A Knudsen number is the inverse of an
+  opening. A later leg begins at the end of the leg
   before. A way is open up to the first closed step; counts are those of the step beyond. A step that misses a load by
   less than 1e-5 is this load.
 - A surface whose sweep ended closed along an axis is closed at every higher load: flow 0, no other number.
@@ -242,6 +243,9 @@ def _between(name: str, over: str, x: np.ndarray, numbers: np.ndarray, k: int, v
         return max(low, high)
     if name.startswith(COUNTED):
         return high
+    if own == "knudsen_number":  # the inverse of an opening
+        with np.errstate(divide="ignore"):
+            return float(1.0 / np.float64(_between("critical_gap", over, x, 1.0 / numbers, k, value)))
     logarithm = own in BY_LOGARITHM
     if math.isfinite(high) and (not logarithm or min(low, high) > 0.0):
         with np.errstate(divide="ignore", invalid="ignore"):
