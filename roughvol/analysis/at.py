@@ -49,10 +49,10 @@ MADE = {"nominal_pressure": P, "free_volume_per_area": V, "mean_gap": V, "mean_p
 LEAK = "leak_rate"
 LOAD_KINDS = ("pressure", "load")
 HALVINGS = 40  # of the way between two steps: to 1e-12 of it
-RULE = (
-    "Between steps: monotone cubics over the quantity asked for, of a leak rate over the load; of a flow or an opening "
-    "its logarithm, over log(load) at a load. A way that closes between two steps leaks along a straight line to 0 at "
-    "the second, or at its solved closing load."
+RULE = "Between steps: monotone cubics over the quantity asked for"
+RULE_OF_FLOWS = (
+    f"{RULE}, of a leak rate over the load; of a flow or an opening its logarithm, over log(load) at a load. A way "
+    "that closes between two steps leaks along a straight line to 0 at the second, or at its solved closing load."
 )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis import leak
-from roughvol.analysis.at import RULE, State, at, legs_of, recorded_labels
+from roughvol.analysis.at import State, at, legs_of, recorded_labels
 from roughvol.analysis.average import average, is_flow
 from roughvol.analysis.derived import P, check_pressed, derived, groups
 from roughvol.analysis.legs import first_leg
@@ -95,7 +95,7 @@ def summary(run: Run) -> list[Table]:
     found = _of_groups("short", states, grouped=len(named) > 1)
     notes = list(found.notes())
     if any("=" in row.state.label for row in found.rows):  # else flows are those of the steps
-        notes.append(RULE)
+        notes.append(found.rule)
     table = found.table("", *notes)
     return [table, *closing([(name, first_leg(group)) for name, group in named])]
 
@@ -126,7 +126,7 @@ def shown_at(run: Run, levels: Sequence[Level]) -> tuple[list[Table], list[str]]
     for part, some in named:
         if own := [(name, state) for of, name, state in states if of is part]:
             found = _of_groups("steps", own, grouped=len(some) > 1)
-            notes = (*found.notes(), RULE, *[BETWEEN_STEPS] * (STIFFNESS in found.columns))
+            notes = (*found.notes(), found.rule, *[BETWEEN_STEPS] * (STIFFNESS in found.columns))
             tables.append(found.table(part.name.removeprefix(run.name).removeprefix(", "), *notes))
     return tables, absent
 
@@ -257,7 +257,7 @@ class Compared:
 
     def table(self) -> Table:
         """Return the rows as text."""
-        return self.states.table("", *self.states.notes(), *self.left_out, RULE)
+        return self.states.table("", *self.states.notes(), *self.left_out, self.states.rule)
 
     def records(self) -> Records:
         """Return names, rows of numbers, and units by name, for CSV and JSON.

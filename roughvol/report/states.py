@@ -10,7 +10,7 @@ import numpy as np
 from xarray import Dataset, Variable
 
 from roughvol.analysis import leak
-from roughvol.analysis.at import State
+from roughvol.analysis.at import RULE, RULE_OF_FLOWS, State
 from roughvol.analysis.average import IN_WORDS, average, is_flow
 from roughvol.analysis.derived import ROUNDING, P
 from roughvol.analysis.seal import LEAKS, UNKNOWN
@@ -88,12 +88,11 @@ class States:
         """Return means, medians, counts of surfaces by row, and which leak counts."""
         surfaces = [row.state.surfaces for row in self.rows]
         over = f"{surfaces[0]} surfaces" if len(set(surfaces)) == 1 else "the surfaces of a row"
-        counts = any(name.startswith("open_") for name in self.columns)
         several = max(surfaces, default=1) > 1
         lifted = self._by_run(lambda row: leak.DRY_NOTE if leak.is_lifted(row.state.data) else "")
         return sentences(
             {
-                f"Mean over {over}{'; open ways are counted' * counts}.": several,
+                f"Mean over {over}{'; open ways are counted' * self._has_ways}.": several,
                 f"Flows: {IN_WORDS}.": several and any(map(is_flow, self.columns)),
                 **{run + note: True for note, run in lifted.items()},
             }
@@ -113,6 +112,15 @@ class States:
             yield NOT_REACHED
         if any(row.state.closed for row in self.rows):
             yield CLOSED_BEFORE
+
+    @property
+    def rule(self) -> str:
+        """How numbers between two steps are read."""
+        return RULE_OF_FLOWS if self._has_ways else f"{RULE}."
+
+    @property
+    def _has_ways(self) -> bool:
+        return any(name.startswith("open_") for name in self.columns)
 
     def _fluids(self, flow: str, words_of: Callable[[Dataset], str], leaks: str) -> Iterator[str]:
         """Yield what a flow is, and its fluid, run by run where fluids differ."""
