@@ -49,6 +49,7 @@ PIECES = (
 AT_FREE = PIECES[0][0] * FREE + PIECES[0][1] + PIECES[0][2] / FREE + PIECES[0][3] / FREE**2  # Q there
 VACUUM = 1e-12  # least pressure of an element: conductances for s stay finite at an outlet without gas
 NEAR = 0.02  # relative difference of two pressures, below which their mean conductance is a quadrature
+LONGEST = 1e100  # mean free path over the constriction; a shorter one than its inverse gives the same flow to rounding
 APART = 1e-9  # relative distance of a pressure from an end of the fit; nearer ones have no digits in their integrals
 
 
@@ -212,8 +213,12 @@ def conduction_of_gas(
     if critical == 0.0:
         return GasFlow(0.0, 0.0, math.inf, 0.0, 0)
     along, free = (gap if axis == 0 else np.ascontiguousarray(gap.T)), path / critical
+    if free > LONGEST:
+        raise ContactError(
+            f"mean free path {path} is {free:.3g} times the critical gap; allowed: up to {LONGEST:g} times"
+        )
     wide = np.minimum(along / critical, math.sqrt(WINDOW))  # in free molecular flow g² counts
-    middle, of_law = 0.5 * (1.0 + outlet), _law(law, free)
+    middle, of_law = 0.5 * (1.0 + outlet), _law(law, max(free, 1.0 / LONGEST))
     flowing = spanned(_over_critical(of_law, wide, middle) >= 1.0 / WINDOW, periodic)
     throughput, error, unequal, turns = _iterated(np.where(flowing, wide, 0.0), of_law, outlet, periodic, accuracy)
     (rows, columns), largest = along.shape, float(gap.max())

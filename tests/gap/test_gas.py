@@ -140,10 +140,16 @@ def test_a_throughput_is_within_its_stated_error(law, path, outlet, seed):
         assert abs(found.coefficient / exact - 1.0) <= found.error + 1e-9
 
 
-@pytest.mark.parametrize(("law", "path", "outlet"), [("knudsen", 1.0, 0.5), ("slip", -1.0, 0.5), ("slip", 1.0, 1.0)])
+@pytest.mark.parametrize(
+    ("law", "path", "outlet"), [("knudsen", 1.0, 0.5), ("slip", -1.0, 0.5), ("slip", 1.0, 1.0), ("kinetic", 1e160, 0.5)]
+)
 def test_refused(law, path, outlet):
     with pytest.raises(ContactError, match="allowed"):
         conduction_of_gas(np.ones((3, 3)), 0, law, path, outlet)
+
+
+def test_the_shortest_mean_free_path_has_viscous_flow():
+    assert_allclose(flow(GAP, 0, "kinetic", 5e-324, 0.5), flow(GAP, 0, "viscous", 0.0, 0.5), rtol=1e-6)
 
 
 def test_a_closed_gap_passes_nothing():
