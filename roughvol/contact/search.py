@@ -37,6 +37,7 @@ from roughvol.surfaces.surface import Surface, real
 TARGETS = {"contact_area": "contact_area_fraction", "pressure": "mean_pressure", "free_volume": "free_volume"}
 CROSSING = 1e-6  # relative accuracy of the indentation of a crossing
 LOAD = 1e-10  # relative accuracy of a load
+TOUCH = 1e-150  # an indentation below it is that of the first touch
 SOLVES = 200  # most solves of a crossing; half of them for a load
 CROSSING_GROWTH = 1.1  # first trial over the start of the leg; the distance doubles until the value is bracketed
 LOAD_GROWTH = 1.5  # of the indentation, while no state carries enough
@@ -143,7 +144,7 @@ def first_indentation(
     Returns
     -------
     float
-        Δ/σ. The condition holds there.
+        Δ/σ. The condition holds there. It is 0 for a condition that always holds.
 
     Raises
     ------
@@ -226,6 +227,8 @@ def _search(trials: Trials, target: Target, start: float, *, brink: bool, betwee
             tolerance = min(tuning.following, 0.01 * (indentation - low))
             continue
         high = above[0].approach
+        if high < TOUCH:
+            return trials.untouched
         finest = trials.tolerance(high)
         goal = tuning.accuracy * high + 2.0 * min(finest, below[0].residual + above[0].residual)
         first, last = _bounds(trials, holds, bracket, 0.1 * goal)

@@ -237,6 +237,10 @@ def test_the_first_state_of_a_condition_that_stays_true_is_found(start):
     assert solve(SURFACE, space, state.indentation).contact_area_fraction > share
 
 
+def test_a_condition_that_always_holds_has_no_indentation():
+    assert first_indentation(SURFACE, kit.half_space((17, 17)), lambda contact: True) == 0.0
+
+
 @pytest.mark.parametrize(("low", "high"), [(0.0, 6.0), (0.3, 6.0), (0.3, None)])
 def test_a_search_between_solved_states_finds_the_same(low, high):
     """Between a state before and a state after, after the touch alone, and from the state before alone."""
