@@ -47,10 +47,8 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
 
             arrays_of_case(study.cases()[0])
     if isinstance(given, MadeSurface):
-        cases = study.cases()
         with study.placing():
-            dimensional.check(cases[0])
-            for case in {(case.shape, case.kernel): case for case in cases}.values():
+            for case in {(case.shape, case.kernel): case for case in study.cases()}.values():
                 _check_shape(case)
         return None
     files = [Path(body.file) for one in given.each for body in one.bodies]
