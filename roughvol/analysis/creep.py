@@ -13,12 +13,9 @@ them:
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,7 +27,6 @@ from roughvol.analysis.leak_curve import Curve, curves, surfaces
 from roughvol.analysis.read_off import checked, errors_of, seal_words
 from roughvol.analysis.tables import Table, evenly, number, rounded
 from roughvol.observables.at_state import at_state
-from roughvol.store import stamped_file
 from roughvol.study import Creep, loads, refused
 from roughvol.study.plain_data import finite
 from roughvol.study.values.state_kinds import REACHED
@@ -244,8 +240,8 @@ PARTS = {
 COUNTS = ("open", "closing")
 
 
-def write_csv(over_time: History, path: Path) -> None:
-    """Write the numbers as comma-separated values."""
+def rows_of(over_time: History) -> tuple[list[str], list[list[float | None]]]:
+    """Return the heads and the rows of a file of numbers; None in the place of a number that is missing."""
     head = ["time [s]", "J(t)/J(0)", f"p J(t)/J(0) [{over_time.pressure_unit}]", "A*"]
     columns = [over_time.seconds, over_time.ratio, over_time.equivalent, over_time.area]
     for axis, leak in over_time.leak.items():
@@ -254,10 +250,7 @@ def write_csv(over_time: History, path: Path) -> None:
             head.append(f"leak {axis}{unit}" if name == "leak" else f"leak {axis} {name}{unit}")
             columns.append(getattr(leak, attribute))
     head, columns = [*head, "surfaces of A*"], [*columns, over_time.reaching]
-    text = io.StringIO(newline="")
-    rows = zip(*(column.tolist() for column in columns), strict=True)
-    csv.writer(text).writerows([head, *(map(repr, row) for row in rows)])
-    stamped_file.write(path, text.getvalue().encode())
+    return head, finite(list(zip(*(column.tolist() for column in columns), strict=True)))
 
 
 def table_of(over_time: History) -> Table:

@@ -9,7 +9,7 @@ import click
 import roughvol
 from roughvol.cli.ask import beyond, titled
 from roughvol.cli.options import BUDGET, JOBS, JSON, RUN, SET, at, command, out
-from roughvol.cli.output import say, say_json, say_table, warn, warn_of
+from roughvol.cli.output import csv_text, say, say_json, say_table, warn, warn_of
 
 
 @command(
@@ -57,6 +57,7 @@ def creep(
     from roughvol.analysis.read_off import is_throughput
     from roughvol.questions import opened
     from roughvol.report.figures.creep import drawing_of
+    from roughvol.store import stamped_file
 
     if state is None:
         raise click.UsageError("needs its constant load, as --at pressure=0.1MPa")
@@ -72,7 +73,7 @@ def creep(
     for line in beyond(found, has_errors=budget, offered=offered):
         say(line)
     folder = out or found.pages
-    over_time.write_csv(history, folder / "creep.csv")
+    stamped_file.write(folder / "creep.csv", csv_text(*over_time.rows_of(history)).encode())
     say(str(folder / "creep.csv"))
     if any((leak.value > 0.0).any() for leak in history.leak.values()):
         drawing_of(history, found.dataset).savefig(folder / "creep.png")

@@ -3,6 +3,7 @@
 import csv
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -187,6 +188,8 @@ def test_json_has_units_intervals_and_counts(run: Dataset, folder: Path, tmp_pat
             assert way["interval"] == [leak.low[k], leak.high[k]]
             assert way["range_of_surfaces"] == [leak.least[k], leak.most[k]]
             assert (way["open"], way["surfaces"]) == (2, 2)
+    _, rows = creep.rows_of(replace(over_time, area=np.full(2, math.nan)))
+    assert [row[3] for row in rows] == [None, None]  # empty in the file, as in other files of numbers
 
 
 def test_intervals_with_a_budget_are_those_of_cards_at_the_states(
