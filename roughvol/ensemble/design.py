@@ -28,6 +28,7 @@ from roughvol.errors import CampaignError, Problem, StudyError
 from roughvol.study import MadeSurface, Study
 from roughvol.study.sections.ensemble import AUTO_TO
 from roughvol.study.sections.surface import SpectralSurface, first_finest, holds_all_waves
+from roughvol.study.values.units import in_unit
 
 ROUNDS = 40  # largest number of rounds
 MOST_SAMPLES = 1_000_000  # largest number of samples for one mean without a budget
@@ -119,7 +120,7 @@ class Design:
         if budget is None:
             return planned
         costs = {D: row[0].costs for D, row in estimates.items()}
-        planned, reduced = within_budget(budget - spent, spent, self.counts, planned, costs)
+        planned, reduced = within_budget(in_unit(budget, "s") - spent, spent, self.counts, planned, costs)
         if reduced:
             self.stopped = f"stopped by the budget of {budget}, before the accuracy was reached"
         return None if reduced and planned == self.counts else planned

@@ -5,17 +5,18 @@ import pickle
 import pytest
 
 from roughvol.study import loads
+from roughvol.study.values.units import in_unit
 
 SURFACE = "surface: {D: 2.5, m: 7}\n"
 ASKED = "ensemble: {accuracy: {free_volume: 1 %}, at: {pressure: [0.1, 0.3]}}\n"
 
 
 def test_a_study_with_an_ensemble_reads_its_own_text() -> None:
-    study = loads(SURFACE + "ensemble: {accuracy: {free_volume: 1 %, pressure: 0.02}, at: last, budget: 90 min}\n")
+    study = loads(SURFACE + "ensemble: {accuracy: {free_volume: 1 %, pressure: 0.02}, at: last, budget: 1 day}\n")
     assert loads(study.to_yaml()) == study
     assert loads(study.stored(), stored=True) == study
     assert pickle.loads(pickle.dumps(study)) == study
-    assert study.ensemble.budget == 5400.0
+    assert in_unit(study.ensemble.budget, "s") == 86400.0
     asked = study.ensemble.accuracy.named
     assert (asked["free_volume"], asked["free_volume"].relative) == (0.01, True)
     assert (asked["pressure"], asked["pressure"].relative) == (0.02, False)

@@ -37,9 +37,8 @@ from roughvol.study.sections.material import ContactModulus, YoungPoisson
 from roughvol.study.sections.strict import Strict, names, optional
 from roughvol.study.validation import in_words, models_of
 from roughvol.study.values.types import Positive, refuse
-from roughvol.study.values.units import In, convert, in_unit, read, unit_of
+from roughvol.study.values.units import In, Time, convert, in_unit, read, unit_of
 
-Time = Annotated[Positive, In("time", needed=True)]
 Modulus = Annotated[Positive, In("pressure", needed=True)]
 ARGUMENTS = Arguments("creep", {"": "argument law"})
 _PER_DECADE = 4  # times of a range, each decade

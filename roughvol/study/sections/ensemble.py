@@ -14,7 +14,7 @@ from roughvol.study.sections.strict import Choice, default, optional, refuse_at
 from roughvol.study.sections.sweep import Levels, levels_of
 from roughvol.study.values.state_kinds import LISTS, STARRED, Level
 from roughvol.study.values.types import AreaFraction, Many, Seed, Word, refuse
-from roughvol.study.values.units import Length, Position, Pressure, Written
+from roughvol.study.values.units import Length, Position, Pressure, Time, Written
 
 CLOSING = {  # end of a sweep that gives each quantity without a state
     "percolation_pressure": "percolation-both",
@@ -30,9 +30,7 @@ RECORDED_BY = {
 } | dict.fromkeys(CLOSING, "percolation")
 """Keys of ``record.transport`` that quantities of the void need, at every step."""
 
-SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "days": 86400.0}
-"""Units of a budget in seconds."""
-PERCENT = ("%",)
+PERCENT = r"^[0-9.]+(e[-+]?[0-9]+)? *%$"
 TIGHTEST = 1e-5  # smallest relative accuracy
 WIDEST = 0.5  # largest relative accuracy
 RTOL_SHARE = 1e-2  # residual of the solver over the accuracy
@@ -43,10 +41,6 @@ FEWEST_LEVELS = 3  # levels that show whether a mean converges
 AUTO_FROM = 7  # smallest finest level of `m: auto`
 AUTO_TO = 12  # largest finest level of `m: auto`
 STEPS = 20  # steps of an ensemble that gives none
-
-
-class Budget(Written):
-    """A time in seconds."""
 
 
 class Accuracy(Written):
@@ -62,18 +56,9 @@ class Accuracy(Written):
         return float(self) * abs(mean) if self.relative else float(self)
 
 
-def plain_form(value: Written) -> Any:
-    """Return a number as in a study: an absolute accuracy as a number, others as text."""
-    return float(value) if isinstance(value, Accuracy) and not value.relative else value.text
-
-
-def _parts(value: Any, units: tuple[str, ...]) -> tuple[float, str]:
-    """Return number and unit of a text; refuse others."""
-    parts = re.fullmatch(r"([0-9]+\.?[0-9]*(?:e[-+]?[0-9]+)?)\s*(\S+)", value.strip() if isinstance(value, str) else "")
-    if parts is None or parts[2] not in units:
-        plain = "a number > 0, or " if units == PERCENT else ""
-        refuse("must be {plain}a number > 0 with {units} behind it", plain=plain, units=" or ".join(units))
-    return float(parts[1]), parts[2]
+def plain_form(value: Accuracy) -> Any:
+    """Return an accuracy as in a study: an absolute one as a number, others as text."""
+    return value.text if value.relative else float(value)
 
 
 def _above_zero(number: float) -> float:
@@ -86,30 +71,20 @@ def _accuracy(value: Any) -> Accuracy:
     """Return the accuracy of a number, or of the text of a number and %."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return Accuracy(_above_zero(float(value)), number_text(float(value)))
-    share = round(_parts(value, PERCENT)[0] / 100.0, 15)
+    parts = re.fullmatch(r"([0-9]+\.?[0-9]*(?:e[-+]?[0-9]+)?)\s*%", value.strip() if isinstance(value, str) else "")
+    if parts is None:
+        refuse("must be a number > 0, or a number > 0 with % behind it")
+    share = round(float(parts[1]) / 100.0, 15)
     if not TIGHTEST <= share <= WIDEST:
         refuse("must be {low} % to {high} %", low=number_text(100 * TIGHTEST), high=number_text(100 * WIDEST))
     return Accuracy(share, f"{number_text(round(100.0 * share, 12))} %")
-
-
-def _budget(value: Any) -> Budget:
-    """Return the seconds of the text of a number and a unit of time."""
-    number, unit = _parts(value, tuple(SECONDS))
-    return Budget(_above_zero(number) * SECONDS[unit], f"{number_text(number)} {unit}")
-
-
-def _text_schema(units: tuple[str, ...]) -> dict[str, Any]:
-    return {"type": "string", "pattern": rf"^[0-9.]+(e[-+]?[0-9]+)? *({'|'.join(units)})$"}
 
 
 HalfWidth = Annotated[
     Accuracy,
     PlainValidator(_accuracy),
     PlainSerializer(plain_form),
-    WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, _text_schema(PERCENT)]}),
-]
-Time = Annotated[
-    Budget, PlainValidator(_budget), PlainSerializer(plain_form), WithJsonSchema(_text_schema(tuple(SECONDS)))
+    WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"type": "string", "pattern": PERCENT}]}),
 ]
 
 
