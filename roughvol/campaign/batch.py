@@ -129,7 +129,8 @@ class Forecast:
     """The work of a run: all, done and left.
 
     ``works`` has the expected seconds of each case by id, whose ratios alone count, ``steps`` its number of steps.
-    ``later`` are the expected seconds of the cases of later batches. ``clock`` returns seconds.
+    ``later`` are the expected seconds of the cases of later batches, ``earlier`` those of earlier batches. The first
+    batch ``began`` at a time of the ``clock``, which returns seconds; default: now.
     """
 
     def __init__(
@@ -138,11 +139,14 @@ class Forecast:
         steps: Mapping[str, int],
         later: float = 0.0,
         clock: Callable[[], float] = time.monotonic,
+        *,
+        earlier: float = 0.0,
+        began: float | None = None,
     ) -> None:
         self._works, self._steps, self._clock = works, steps, clock
-        self._all = math.fsum(works.values()) + later
-        self._done: dict[str, float] = {}
-        self._started = clock()
+        self._all = math.fsum(works.values()) + later + earlier
+        self._done: dict[str, float] = {"": earlier}
+        self._started = clock() if began is None else began
 
     def reached(self, id: str, step: int) -> None:
         """Note the finished steps of a case at work."""
@@ -170,8 +174,8 @@ class Batch:
     """The cases computed now, and their progress.
 
     ``study`` is the study as text, ``kept`` the number of cases finished before, ``surface`` that of the first case, if
-    it was read. ``alone``: the study has no other case. ``later``: expected seconds of later batches. ``names``: cases
-    in words by id; default their labels.
+    it was read. ``alone``: the study has no other case. ``later``, ``earlier`` and ``began`` are those of `Forecast`.
+    ``names``: cases in words by id; default their labels.
     """
 
     def __init__(
@@ -185,13 +189,15 @@ class Batch:
         surface: Surface | None = None,
         alone: bool = False,
         later: float = 0.0,
+        earlier: float = 0.0,
+        began: float | None = None,
         names: Mapping[str, str] | None = None,
     ) -> None:
         self._folder, self._study, self._kept, self._control = folder, study, kept, control
         self._surface = surface if alone else None
         works = {case.id: expected_seconds(case) for case in cases}
         self._steps = {case.id: case.sweep.steps for case in cases}
-        self._forecast = Forecast(works, self._steps, later)
+        self._forecast = Forecast(works, self._steps, later, earlier=earlier, began=began)
         self._expected = sum(works.values())
         self._cases = sorted(cases, key=lambda case: -works[case.id])  # the longest first
         named = {case.id: (names or {}).get(case.id, case.label) for case in cases}

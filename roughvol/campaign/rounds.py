@@ -37,7 +37,8 @@ class Rounds:
         self._on_event, self._control = control.on_event, replace(control, on_event=self._report)
         self._cases: dict[str, Case] = {}
         self._found = Finished()
-        self._interval, self._kept = "", 0
+        self._interval, self._kept, self._earlier = "", 0, 0.0
+        self._began: float | None = None  # of the first batch, on the clock of `Batch`
         for notice in notices:
             self._report(Progress(cases=len(sound), kept=len(sound), notice=notice))
 
@@ -85,7 +86,10 @@ class Rounds:
         kept = len(self._cases) + len(by_id) - len(missing)
         self._kept += len(by_id) - len(missing)
         if missing:
-            Batch(self._folder, self._study.of_each_case(), missing, kept, self._control, later=later).compute()
+            self._began = self._began or time.monotonic()
+            text, control, earlier = self._study.of_each_case(), self._control, self._earlier
+            Batch(self._folder, text, missing, kept, control, later=later, earlier=earlier, began=self._began).compute()
+            self._earlier += sum(map(cost.expected_seconds, missing))
         else:
             self._report(Progress(cases=kept, kept=kept, work=1.0))
         found = collection.complete(self._folder, by_id, self._control.stopping)

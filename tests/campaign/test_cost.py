@@ -239,6 +239,9 @@ def test_steps_of_a_case_at_work_and_later_batches_count_as_their_share() -> Non
     assert (forecast.share, forecast.left()) == (pytest.approx(0.1), pytest.approx(540.0))
     forecast.ended("long")
     assert (forecast.share, forecast.left()) == (pytest.approx(0.5), pytest.approx(60.0))
+    forecast = Forecast({"short": 10.0}, {"short": 10}, 20.0, clock, earlier=30.0, began=0.0)
+    forecast.reached("short", 0)
+    assert (forecast.share, forecast.left()) == (pytest.approx(0.5), pytest.approx(60.0))
 
 
 def test_the_time_left_is_not_known_while_the_rate_is_that_of_the_start() -> None:

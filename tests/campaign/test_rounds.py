@@ -52,6 +52,13 @@ def cases(finished: Path, tmp_path: Path) -> Path:
     return tmp_path
 
 
+def test_the_work_of_earlier_rounds_is_done(tmp_path: Path) -> None:
+    seen = Events()
+    run(STUDY, out=tmp_path, jobs=1, on_event=seen)
+    first = next(k for k, now in enumerate(seen) if now.event.endswith("samples"))
+    assert min(now.work for now in seen[first:]) > 0.0
+
+
 def test_the_answer_is_stored_beside_its_cases(finished: Path) -> None:
     results = dataset.read(finished / "study.nc")
     mean, interval = results.free_volume_mean, results.free_volume_interval
