@@ -42,13 +42,15 @@ def effective_medium(gap: Array, exponent: float = 3.0, *, closes_at: float = 0.
     return float(np.exp(root - exponent * np.log(np.mean(gap / values.max()))))
 
 
-def single_junction(gap: Array, axis: int, exponent: float = 3.0, *, critical: float | None = None) -> float:
+def single_junction(
+    gap: Array, axis: int, exponent: float = 3.0, *, periodic: bool = False, critical: float | None = None
+) -> float:
     """Return the estimate of the coefficient of `conduction` from the critical constriction alone.
 
     All pressure drops over one square junction of the gap h_c of `constriction` (`critical`): the coefficient is
     (h_c/mean g)^n times length over width. Persson & Yang, Journal of Physics: Condensed Matter 20 (2008) 315011.
     """
-    critical = constriction(gap, axis).gap if critical is None else critical
+    critical = constriction(gap, axis, periodic=periodic).gap if critical is None else critical
     if critical == 0.0:
         return 0.0
     largest = gap.max()

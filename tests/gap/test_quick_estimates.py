@@ -39,3 +39,9 @@ def test_the_unit_of_length_does_not_matter():
     for unit in (1e-200, 1e200):
         assert effective_medium(unit * gap) == pytest.approx(effective_medium(gap), rel=1e-10)
         assert single_junction(unit * gap, 0) == pytest.approx(single_junction(gap, 0), rel=1e-12)
+
+
+def test_the_junction_of_a_period_lies_on_a_way_across_its_sides():
+    gap = np.zeros((4, 5))
+    gap[:2, 0] = gap[1:, -1] = 2.0
+    assert (single_junction(gap, 0), single_junction(gap, 0, periodic=True) > 0.0) == (0.0, True)
