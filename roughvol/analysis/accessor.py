@@ -254,6 +254,8 @@ class Accessor:
                 result = result.expand_dims({name: [label]})
             found.append(result)
         joined = _together(found).assign_attrs(self._ds.attrs)
+        for key in joined.coords.keys() & self._ds.coords.keys():
+            joined.variables[key].attrs |= self._ds.variables[key].attrs
         single = (*chosen(self._ds), *recorded(self._ds))
         result = joined.isel({name: 0 for name in single if name in joined.dims})
         return result.reindex({name: self._ds[name] for name in SURFACES if name in result.dims})

@@ -68,6 +68,8 @@ def test_derived_numbers_have_units_and_are_converted(swept: Dataset) -> None:
     assert np.allclose(kilo["nominal_pressure"], 1e3 * whole["nominal_pressure"], rtol=1e-12)
     assert np.allclose(kilo["mean_gap"], 1e3 * whole["mean_gap"], rtol=1e-12)
     assert kilo["mean_gap"].attrs["units"] == "nm"
+    for found in (whole, swept.roughvol.at("last")):
+        assert found["E"].attrs["units"] == swept["E"].attrs["units"] == "MPa"
 
 
 def test_derived_numbers_keep_the_order_of_the_labels(swept: Dataset) -> None:
