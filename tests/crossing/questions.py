@@ -26,6 +26,7 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
+from scipy.interpolate import PchipInterpolator
 
 import roughvol
 from roughvol.errors import RoughvolError
@@ -619,7 +620,7 @@ def _load(surface: Surface, name: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def check_volumes(made: Made, curves: Sequence[Curve]) -> int:
-    """Compare V* over the load: the states of every surface, and the mean of several by straight lines between them."""
+    """Compare V* over the load: the states of every surface, and the mean of several by cubics between them."""
     count = 0
     for curve in curves:
         group = made.group(curve.words)
@@ -632,7 +633,7 @@ def check_volumes(made: Made, curves: Sequence[Curve]) -> int:
         assert points is not None, f"no curve of {group.words}"
         each = [_load(surface, "free_volume") for surface in group.surfaces]
         if len(each) > 1:
-            expected = points[0], np.mean([np.interp(points[0], *one) for one in each], axis=0)
+            expected = points[0], np.mean([_volume_at(points[0], *one) for one in each], axis=0)
             assert points[0].size > 100
         else:
             (expected,) = each
@@ -641,8 +642,14 @@ def check_volumes(made: Made, curves: Sequence[Curve]) -> int:
     return count
 
 
+def _volume_at(x: np.ndarray, load: np.ndarray, volume: np.ndarray) -> np.ndarray:
+    """Return V* of a surface at loads: cubics, or lines where the load stays, as of an unloaded region."""
+    rises = bool((np.diff(load) > 0.0).all())
+    return PchipInterpolator(load, volume)(x) if rises else np.interp(x, load, volume)
+
+
 def check_leaks(made: Made, curves: Sequence[Curve]) -> int:
-    """Compare leaks over the load: open states of a surface; of several the median, by lines of the logarithm.
+    """Compare leaks over the load: open states of a surface; of several the median, by cubics of the logarithm.
 
     Between its last open state and the next one, the leak of a surface falls to 0 along a straight line.
     """
@@ -677,12 +684,16 @@ def check_leaks(made: Made, curves: Sequence[Curve]) -> int:
 
 
 def _leak_at(x: np.ndarray, load: np.ndarray, leak: np.ndarray) -> np.ndarray:
-    """Return the leak of a surface at loads: lines of the logarithm between open states, then a line to 0."""
+    """Return the leak of a surface at loads: cubics of logarithms between open states, then a line to 0."""
     open_ = np.flatnonzero(leak > 0.0)
     if not open_.size:
         return np.zeros(x.shape)
     last = open_[-1]
-    found = np.exp(np.interp(x, load[open_], np.log(leak[open_])))
+    found = np.full(x.shape, leak[last])
+    if last > open_[0]:
+        found = np.exp(
+            PchipInterpolator(np.log(load[open_]), np.log(leak[open_]))(np.minimum(np.log(x), np.log(load[last])))
+        )
     if last + 1 < load.size:
         found = np.where(x > load[last], np.interp(x, load[last : last + 2], [leak[last], 0.0]), found)
     return found

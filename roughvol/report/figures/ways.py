@@ -48,6 +48,7 @@ class Way(NamedTuple):
     value: Array  # there
     closed: float  # that of the solved closing, or of the first state computed closed; NaN if it was open to the end
     ends: float = math.nan  # load of the last computed state
+    by_log: bool = False  # read over the logarithm of the load, as in `at`
 
     @property
     def known(self) -> bool:
@@ -74,7 +75,8 @@ def way(load: Array, value: Array) -> Way:
 
 def ways(family: Family, x: str, name: str, direction: str) -> list[Way]:
     """Return a flow along a direction against x, one way for each surface that has any state."""
-    return [states for states in _every_way(family, x, name, direction) if states.known]
+    known = [states for states in _every_way(family, x, name, direction) if states.known]
+    return [states._replace(by_log=x in LOADS and bool((states.load > 0.0).all())) for states in known]
 
 
 def _every_way(family: Family, x: str, name: str, direction: str) -> list[Way]:
@@ -159,7 +161,8 @@ def sample(members: Sequence[Way], at: Array, *, hold: bool = False, beyond: flo
         load, closed = sign * member.load, sign * member.closed
         if load.size:
             inside = (points >= load[0]) & (points <= load[-1])
-            row[inside] = np.exp(at_state(load, np.log(member.value), points[inside], straight=True))
+            at_loads = (np.log(load), np.log(points[inside])) if member.by_log else (load, points[inside])
+            row[inside] = np.exp(at_state(at_loads[0], np.log(member.value), at_loads[1], straight=not member.by_log))
             between = (points > load[-1]) & (points < closed)
             ends = [member.value[-1], member.value[-1] if hold else 0.0]
             row[between] = at_state([load[-1], closed], ends, points[between], straight=True)
