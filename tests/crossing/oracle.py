@@ -4,8 +4,8 @@ Conventions, as the pages state them:
 
 - Flows of several surfaces: the median over the surfaces, closed surfaces counted as 0, with the 16-84 % range. Other
   quantities: the mean over the surfaces that have a value.
-- Under fluid pressure the leak is ``fluid_leak_rate_*`` at the load of a recorded state. The leak along the steps is
-  named dry.
+- Under fluid pressure the leak is ``fluid_leak_rate_*`` at the load of a recorded state, and not known elsewhere. The
+  leak along the steps is named dry.
 - Between two steps: monotone cubics over the quantity asked for. Those of flows and openings are of the logarithm, at a
   load over its logarithm, where both steps are open; else straight lines. A Knudsen number is the inverse of an
   opening. A later leg begins at the end of the leg
@@ -39,6 +39,7 @@ LOADS = {  # kind of a load: its number, and the factors to the unit of the stud
 }
 OF_STATE = ("indentation", "separation", "contact_area_fraction", "mean_pressure", "free_volume")
 OF_YIELD = ("plastic_volume", "plastic_area_fraction")
+LIFTED = ("leak_rate_x", "leak_rate_y", "open_x", "open_y")
 Numbers = dict[str, np.ndarray]
 
 
@@ -214,6 +215,11 @@ def at(surface: Surface, text: str) -> dict[str, float] | None:
     return _on_path(surface, name, value, leg)
 
 
+def _is_lifted(surface: Surface) -> bool:
+    """Return whether fluid pressure lifts the gap of a surface."""
+    return "leak_rate_dry_x" in surface.along or "transmissivity_dry_x" in surface.along
+
+
 def _on_path(surface: Surface, name: str, value: float, leg: int | None) -> dict[str, float] | None:
     """Return the numbers where a surface first reaches a value, on a step or between two."""
     p = surface.along["mean_pressure"]
@@ -227,7 +233,9 @@ def _on_path(surface: Surface, name: str, value: float, leg: int | None) -> dict
         inside = np.flatnonzero((np.minimum(x[:-1], x[1:]) < value) & (value < np.maximum(x[:-1], x[1:])))
         if inside.size:
             k = inside[0]
-            return {n: _between(n, name, x, v[on], int(k), value) for n, v in surface.along.items()}
+            lifted = LIFTED if _is_lifted(surface) else ()
+            between = {n: _between(n, name, x, v[on], int(k), value) for n, v in surface.along.items()}
+            return between | dict.fromkeys(lifted, math.nan)
         if beyond := _beyond(surface, on, x, value):
             return beyond
     return None
@@ -265,8 +273,7 @@ def _beyond(surface: Surface, on: np.ndarray, x: np.ndarray, value: float) -> di
     if not (value > x.max() if rising else value < x.min()):
         return None
     shut = [axis for axis in "xy" if _ways(surface, axis) is not None and _ways(surface, axis)[on[-1]] == 0.0]
-    lifted = "leak_rate_dry_x" in surface.along or "transmissivity_dry_x" in surface.along
-    names = [f"{flow}{'_dry' * lifted}_{axis}" for flow in (*FLOWS, "open") for axis in shut]
+    names = [f"{flow}{'_dry' * _is_lifted(surface)}_{axis}" for flow in (*FLOWS, "open") for axis in shut]
     return {n: 0.0 if n in (*names, "converged") else math.nan for n in surface.along} if shut else None
 
 
