@@ -480,6 +480,6 @@ def _modulus(run: Dataset) -> tuple[float, str]:
 
 def _around(surface: _Needed, at: float, loads: Array) -> tuple[float, float]:
     """Return the loads of the steps around a nominal pressure; 0 before the first step, infinite beyond the last."""
-    k = int(np.searchsorted(surface.pressure, at * (1.0 - 1e-12)))
+    k = int(np.searchsorted(surface.pressure, at * (1.0 - REACHED)))
     low = float(loads[k - 1]) if k else 0.0
     return low, float(loads[k]) if k < loads.size else math.inf

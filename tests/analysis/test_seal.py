@@ -502,6 +502,15 @@ def test_a_seal_of_patches_pressed_to_one_load_does_not_depend_on_the_ends_of_th
     assert closed.value == pytest.approx(least.value)
 
 
+def test_a_seal_closes_between_steps_that_its_patches_reach_but_for_the_search(here: Path) -> None:
+    text = COARSE.replace(SWEEP, "pressures: [0.02 MPa, 0.2 MPa]")
+    ds = roughvol.run(loads(text.replace("seeds: 3", "seeds: [3, 4]")), jobs=1).copy(deep=True)
+    for name in ("mean_pressure", "nominal_pressure"):
+        ds[name][..., 0, -1] *= 1.0 + 1e-7
+    (answer,) = roughvol.ask(ds).answers
+    assert answer.high == pytest.approx(answer.steps[1]) == pytest.approx(0.2, rel=1e-5)
+
+
 def test_a_seal_leaks_no_more_beyond_its_solved_closing_load(tmp_path: Path) -> None:
     text = COARSE.replace("transmissivity: every-step", "transmissivity: every-step, closing: true")
     text = text.replace(SWEEP, "steps: 4, to: {pressure: 0.04 MPa}")
