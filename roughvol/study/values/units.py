@@ -67,7 +67,7 @@ _MARK = re.compile(r"[,_'’]\d")  # behind digits: a decimal comma, or a mark b
 _PLAIN_POWER = re.compile(r"(?<=[^\W\d_])(?=[1-9])")  # as in mm2
 _DOT = re.compile(r"\.(?=[^\W\d])")  # between units, a product
 _STANDARD = re.compile(r"(?:sccm|sccs|standard_liter_per_minute)\b")  # pint's full names, behind a prefix
-LARGEST = 1e50  # length, in any unit
+LARGEST = 1e50  # in a study, in any unit: fourth powers, of spectra, are floats
 ROUNDING = 1e-12  # relative, of two numbers in different units
 _NOT_KNOWN = (AttributeError, ValueError, TypeError, AssertionError)  # bases of pint's errors beside PintError
 
@@ -252,7 +252,7 @@ class In(Form):
     def _read(self, value: Any, inner: Callable[[Any], Any]) -> Any:
         """Return a `Quantity`, or a plain number."""
         if isinstance(value, Quantity) or not (isinstance(value, str) or self.needed):
-            return value if isinstance(value, Quantity) else inner(value)
+            return value if isinstance(value, Quantity) else _bounded(inner(value))
         match = _NUMBER.fullmatch(value.strip()) if isinstance(value, str) else None
         if match is None:
             plain = "" if self.needed else "a number, or "
@@ -263,7 +263,14 @@ class In(Form):
         except ValidationError as error:  # of the number; the message has it with its unit
             wrong = [InitErrorDetails(type=e["type"], input=value, ctx=e.get("ctx", {})) for e in error.errors()]
             raise ValidationError.from_exception_data(error.title, wrong) from error
-        return Quantity(number, unit)
+        return Quantity(_bounded(number), unit)
+
+
+def _bounded(number: float) -> float:
+    """Refuse a number whose powers are no floats."""
+    if abs(number) > LARGEST:
+        refuse("must be at most {largest} in size", largest=number_text(LARGEST))
+    return number
 
 
 def text_of(value: Any) -> Any:
@@ -286,15 +293,8 @@ def unit_name(kind: str, *, counts: bool = False) -> AfterValidator:
     return AfterValidator(read)
 
 
-def _bounded(length: float) -> float:
-    """Refuse a length whose fourth power, of a spectrum, is no float."""
-    if length > LARGEST:
-        refuse("must be at most {most}", most=number_text(LARGEST))
-    return length
-
-
 Conductivity = Annotated[Positive, In("conductivity", needed=True)]
-Length = Annotated[Positive, In("length"), AfterValidator(_bounded)]
+Length = Annotated[Positive, In("length")]
 Pressure = Annotated[Positive, In("pressure")]
 Position = Annotated[float, In("length")]
 Gap = Annotated[Positive, In("length", needed=True)]
