@@ -298,10 +298,12 @@ def _end(label: str) -> str:
 
 def _states(title: str, group: Dataset) -> Table | None:
     """Return the states of one group, at most `STATES` of them."""
-    rows = [Row((state.label,), state, data) for state, data in every_step(group, "states")]
+    legs, rows = ["leg"] * ("leg" in group), []
+    for state, data in every_step(group, "states"):
+        rows.append(Row((state.label, *(str(int(data[leg].values)) for leg in legs)), state, data))
     if not rows:
         return None
-    found, notes = States.of("states", ("step",), rows), []
+    found, notes = States.of("states", ("step", *legs), rows), []
     if len(rows) > STATES:
         found = replace(found, rows=tuple(rows[k] for k in evenly(len(rows), STATES)))
         notes.append(f"{len(found.rows)} of {len(rows)} states; study.nc has all.")

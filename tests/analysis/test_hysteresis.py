@@ -12,6 +12,7 @@ import roughvol
 from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.hysteresis import comparisons, hysteresis
 from roughvol.analysis.stored_run import Run
+from roughvol.report.run_facts import facts
 from roughvol.study import loads
 
 TEXT = """
@@ -64,6 +65,8 @@ def test_a_way_is_closed_on_every_leg_from_its_solved_closing_load_on(tmp_path: 
     assert {p >= load for p, load, _ in rows} == {True, False}
     for p, load, cells in rows:
         assert [float(cell) == 0.0 for cell in cells] == [p >= load] * 2, (p, load)
+    (states,) = (table for table in facts(run).tables if table.title == "States")
+    assert [row[:2] for row in states.rows] == [("1", "1"), ("2", "1"), ("3", "2")]  # the step and its leg
 
 
 def test_every_leg_has_the_numbers_of_the_same_surfaces(tmp_path: Path) -> None:
