@@ -18,10 +18,11 @@ patch. So it lies between two seals: all patches at the lower ends of their read
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import scipy
@@ -41,6 +42,7 @@ from roughvol.study.values.state_kinds import REACHED
 from roughvol.typing import Array
 
 SEAL = "the seal"  # in the place of the name of a surface
+CLOSING = 4  # parts of the way between two steps, where a patch closes on the way
 ENDLESS = 1e150  # load in the place of infinity
 
 
@@ -80,7 +82,7 @@ class Curve:
     """The leak of one surface, by its file or seed, along the first leg of a sweep: arrays over the steps.
 
     The nominal pressure rises, the leak is 0 where closed, ``starred`` is p*. Pressure, leak and ``Sq`` have the units
-    of the study. ``between`` has the lower and the upper curve of a seal, whose steps are read off.
+    of the study. ``parts`` of a seal are its lower, its middle and its upper curve.
     """
 
     surface: str
@@ -88,7 +90,7 @@ class Curve:
     leak: Array
     starred: Array
     Sq: float
-    between: tuple[Curve, ...] = ()
+    parts: tuple[Curve, ...] = ()
 
     @cached_property
     def closing(self) -> Span:
@@ -109,6 +111,9 @@ class Curve:
 
     def at(self, pressures: Array) -> Reading:
         """Return the leaks and their intervals at nominal pressures > 0 in the unit of the study."""
+        if self.parts:
+            lower, middle, upper = (curve.at(pressures) for curve in self.parts)
+            return Reading(middle.value, np.minimum(lower.low, middle.value), np.maximum(upper.high, middle.value))
         logs = np.log(pressures)
         value, low, high = (np.full(len(logs), np.nan) for _ in range(3))
         open_up_to, closed_from = self.closing.open_up_to, self.closing.closed_from
@@ -126,8 +131,6 @@ class Curve:
             high[known] = np.minimum(np.exp(cubic[known] + error[known]), most)
         for array in (value, low, high):
             array[pressures >= closed_from * (1.0 - REACHED)] = 0.0
-        if self.between:
-            low, high = self.between[0].at(pressures).low, self.between[1].at(pressures).high
         return Reading(value, low, high)
 
     def load_where(self, log_wanted: Callable[[Array], Array]) -> LoadReading:
@@ -135,9 +138,9 @@ class Curve:
 
         ``log_wanted`` returns the log of the value at logarithms of nominal pressures; it does not fall.
         """
-        if self.between:
-            lower, upper = (curve.load_where(log_wanted) for curve in self.between)
-            return replace(replace(self, between=()).load_where(log_wanted), low=lower.low, high=upper.high)
+        if self.parts:
+            lower, middle, upper = (curve.load_where(log_wanted) for curve in self.parts)
+            return replace(middle, low=min(lower.low, middle.value), high=max(upper.high, middle.value))
         x, y = self._logs
         above = np.flatnonzero(y > log_wanted(x) + REACHED)  # a step that misses the value by less has it
         if not above.size:
@@ -293,7 +296,8 @@ def _of_seal(run: Dataset, tables: list[tuple[str, Dataset]], patch: Patch) -> C
     """Return the leak of a seal over the nominal pressure, at the steps of one surface within the sweeps of all.
 
     The ends are the largest first load and the smallest last load of the surfaces. Each leak is the median over sheets
-    of patches. The same patches are drawn at all steps.
+    of patches. The same patches are drawn at all steps. Where a patch closes between two steps, the leak is taken there
+    as well: a cubic through the leaks of the two steps may be off by a factor.
     """
     ways = {axis: _of_surfaces(tables, axis) for axis in AXES}
     each = [curve for some in ways.values() for curve in some]
@@ -307,7 +311,7 @@ def _of_seal(run: Dataset, tables: list[tuple[str, Dataset]], patch: Patch) -> C
     kept = (longest.pressure >= low * (1.0 - REACHED)) & (longest.pressure <= high * (1.0 + REACHED))
     steps = longest.pressure[kept]
     inner = steps[(steps > low * (1.0 + REACHED)) & (steps < high * (1.0 - REACHED))]
-    pressure = np.array([low, *inner, *([high] if low < high < math.inf else [])])
+    at_steps = np.array([low, *inner, *([high] if low < high < math.inf else [])])
     isotropic = patch.is_isotropic([table for _, table in tables])
     end = math.inf
     if SOLVED in run:
@@ -315,23 +319,34 @@ def _of_seal(run: Dataset, tables: list[tuple[str, Dataset]], patch: Patch) -> C
         loads = [[solved_loads(table, axis, "nominal_pressure")[0] for axis in patch.axes] for table in each_alone]
         end = _sheet_closes(tables, patch, np.array(loads))
     if end <= high and math.isfinite(end):  # a solved closing load is a closed step
-        pressure = np.append(pressure[pressure < end * (1.0 - REACHED)], max(end, low))
-    readings = [[curve.at(pressure) for curve in ways[axis]] for axis in AXES]
-    starred = pressure * (longest.starred[-1] / longest.pressure[-1])
+        at_steps = np.append(at_steps[at_steps < end * (1.0 - REACHED)], max(end, low))
+    spans = [curve.closing for curve in each if curve.closing.closes]
+    shares = np.linspace(0.0, 1.0, CLOSING, endpoint=False)[1:]
+    between = [
+        before + shares * (after - before)
+        for before, after in itertools.pairwise(at_steps)
+        if any(span.open_up_to <= after * (1.0 + ONE_LOAD) and before < span.closed_from for span in spans)
+    ]
+    starred = longest.starred[-1] / longest.pressure[-1]
     Sq = float(np.mean([curve.Sq for curve in along_flow]))
 
-    def seal(part: str, between: tuple[Curve, ...] = ()) -> Curve:
+    def seal(pressure: Array, part: str) -> Curve:
         """Return the curve of the seal of one part of the readings of its patches."""
-        leaks = np.moveaxis(np.array([[getattr(reading, part) for reading in along] for along in readings]), 0, -1)
-        values = np.moveaxis(patch.conductances(leaks, in_units=True), 1, 0)[:, :, np.newaxis]
+        readings = [[getattr(curve.at(pressure), part) for curve in ways[axis]] for axis in AXES]
+        values = np.moveaxis(patch.conductances(np.moveaxis(np.array(readings), 0, -1), in_units=True), 1, 0)
         draws = patch.draws_of_many
-        found = [conductance_of(some, patch.patches, isotropic=isotropic, draws=draws).value for some in values]
+        sheet = partial(conductance_of, patches=patch.patches, isotropic=isotropic, draws=draws)
+        found = [sheet(some[:, np.newaxis]).value for some in values]
         leak = np.where(pressure < end * (1.0 - REACHED), found, 0.0) * patch.squares
-        return Curve(SEAL, pressure, leak, starred, Sq, between)
+        return Curve(SEAL, pressure, leak, pressure * starred, Sq)
 
-    if all(np.array_equal(reading.low, reading.high) for along in readings for reading in along):
-        return seal("value")
-    return seal("value", (seal("low"), seal("high")))
+    middle = seal(np.sort(np.concatenate([at_steps, *between])), "value")
+    kept = np.isin(middle.pressure, at_steps)
+    outer = replace(middle, pressure=at_steps, leak=middle.leak[kept], starred=middle.starred[kept])
+    readings = [curve.at(at_steps) for curve in each]
+    if all(np.array_equal(reading.low, reading.high) for reading in readings):
+        return replace(outer, parts=(outer, middle, outer))
+    return replace(outer, parts=(seal(at_steps, "low"), middle, seal(at_steps, "high")))
 
 
 def surfaces(run: Dataset) -> list[tuple[str, Dataset]]:

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import roughvol
 from roughvol.analysis import read_off, seal
 from roughvol.analysis.leak_card import Card, SealLeak
-from roughvol.analysis.leak_curve import ENDLESS
+from roughvol.analysis.leak_curve import ENDLESS, curves
 from roughvol.analysis.stored_run import Run
 from roughvol.campaign import card as card_runs
 from roughvol.errors import StudyError
@@ -431,9 +431,22 @@ def test_read_offs_and_creep_are_those_of_the_seal(here: Path) -> None:
     history, alone = (roughvol.creep(one, LAW, at="pressure=0.02 MPa", times="1 s, 1 min") for one in (ds, patch))
     assert list(history.leak) == ["x"]
     ratio = history.leak["x"].value / alone.leak["x"].value
-    assert np.all((ratio > 30.0) & (ratio < 120.0))
+    assert np.all((ratio > 20.0) & (ratio < 120.0))  # 60 squares, of patches that spread
     wider = answered("ask", "joint", "--leak-rate", "3e-6 mm^3/s", "--set", "seal.width=4 mm")
     assert wider["answers"][0]["value"] == pytest.approx(whole.value, rel=0.02)
+
+
+def test_a_seal_is_read_off_as_its_patches_are_at_the_load(here: Path) -> None:
+    """Also where a patch closes between two steps: a cubic through the seals at the steps was a quarter too high."""
+    ran("joint", COARSE)
+    ds = roughvol.open("joint")
+    loads = np.array([0.02, 0.03, 0.035, 0.04, 0.05])
+    ((seal,),) = curves(ds.roughvol.derived()).values()
+    patches = [ds.roughvol.at(pressure=f"{load} MPa")["seal_leak_rate"].max().item() for load in loads]
+    assert_allclose(seal.at(loads).value, patches, rtol=0.08)
+    at_steps = seal.at(seal.pressure)
+    assert_allclose(at_steps.value, seal.leak)
+    assert np.all((at_steps.low <= seal.leak) & (seal.leak <= at_steps.high))
 
 
 def test_a_read_off_names_the_patches_of_its_region(here: Path) -> None:
