@@ -165,8 +165,9 @@ def test_compare_puts_runs_side_by_side_at_equal_loads() -> None:
 
 
 def test_compare_has_the_transmissivity_where_no_leak_has_a_unit(here: Path) -> None:
-    ran("bare", "surface: {D: 2.2, m: 3, seeds: 1}\nrecord: {transport: {transmissivity: last}}\nsweep: {steps: 3}\n")
-    assert "  T_x*  " in said("compare", "bare", "bare", "--at", "last")
+    for name in ("bare", "other"):
+        ran(name, "surface: {D: 2.2, m: 3, seeds: 1}\nrecord: {transport: {transmissivity: last}}\nsweep: {steps: 3}\n")
+    assert "  T_x*  " in said("compare", "bare", "other", "--at", "last")
 
 
 @pytest.mark.parametrize(
