@@ -25,8 +25,8 @@ PLAIN = {  # by words of PyYAML
     "mapping values": "a colon out of place; allowed: keys of one section indented alike, a blank behind each of their "
     "colons, a value with a colon in quotes",
     "expected ',' or": "a comma or a closing bracket is missing; allowed: {key: value, key: value} and [value, value]",
-    "found '}'": "a closing bracket too many",
-    "found ']'": "a closing bracket too many",
+    "found '}'": "a closing bracket out of place",
+    "found ']'": "a closing bracket out of place",
     "unexpected end of stream": "quotation marks that are not closed",
     "'<block mapping start>'": "another indentation; allowed: keys of one section indented alike",
 }

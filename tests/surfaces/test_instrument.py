@@ -166,7 +166,7 @@ def test_of_several_arrays_one_must_be_named(tmp_path):
     refused(path, r"dx has nodes \(1, 1\); allowed: a map of equidistant nodes, at least 3 x 3", "dx")
 
 
-@pytest.mark.parametrize(("key", "unit"), [("units", "nm"), ("unit", np.bytes_("nm"))])
+@pytest.mark.parametrize(("key", "unit"), [("units", "nm"), ("unit", np.bytes_("nm")), ("units", np.array([b"nm"]))])
 def test_an_array_of_hdf5_has_the_unit_of_its_attribute(tmp_path, key, unit):
     _hdf5(path := tmp_path / "z.h5", {"z": HEIGHTS})
     with pytest.importorskip("h5py").File(path, "a") as stored:

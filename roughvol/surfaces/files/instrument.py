@@ -172,4 +172,7 @@ def _heights_unit(path: Path, name: str) -> str | None:
     with h5py.File(path) as stored:
         attributes = stored[name].attrs
         key = next((key for key in ("units", "unit") if key in attributes), None)
-        return None if key is None else length_unit(path, attributes[key], f"{name}:{key}")
+        if key is None:
+            return None
+        values = np.ravel(attributes[key])  # an attribute may be an array of one text
+        return length_unit(path, values[0] if values.size == 1 else attributes[key], f"{name}:{key}")
