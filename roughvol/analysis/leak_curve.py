@@ -42,7 +42,7 @@ from roughvol.study.values.state_kinds import REACHED
 from roughvol.typing import Array
 
 SEAL = "the seal"  # in the place of the name of a surface
-CLOSING = 4  # parts of the way between two steps, where a patch closes on the way
+CLOSING = 4  # parts of a step on which a patch closes
 ENDLESS = 1e150  # load in the place of infinity
 
 

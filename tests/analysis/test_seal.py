@@ -449,6 +449,18 @@ def test_a_seal_is_read_off_as_its_patches_are_at_the_load(here: Path) -> None:
     assert np.all((at_steps.low <= seal.leak) & (seal.leak <= at_steps.high))
 
 
+def test_the_interval_of_a_seal_holds_its_leak_between_steps(here: Path) -> None:
+    """The seal of the upper ends lies below the leak next to the last closing: its cubic takes the steps alone."""
+    ds = roughvol.run(loads(COARSE.replace("seeds: 3", "seeds: 6")), jobs=1)
+    ((seal,),) = curves(ds.roughvol.derived()).values()
+    pressures = np.linspace(seal.pressure[0], seal.pressure[-1], 41)[1:-1]
+    found = seal.at(pressures)
+    assert np.all((found.low <= found.value) & (found.value <= found.high))
+    for log in np.log(found.value[found.value > 0.0]):
+        load = seal.load_where(lambda logs, wanted=log: np.full(logs.shape, wanted))
+        assert load.low <= load.value <= load.high
+
+
 def test_a_read_off_names_the_patches_of_its_region(here: Path) -> None:
     ran("joint", COARSE.replace("record:", "record:\n  region: [none, interior]"))
     for region, patches in (("none", "4 × 240"), ("interior", "8 × 480")):
