@@ -62,8 +62,8 @@ def run(
             raise FolderError(another)
         stamped_file.store(folder / "study.yaml", study.stored().encode())
         bodies = {body.file for case in cases.values() for body in case.bodies}
-        beside = {file for file in bodies if (file.parent / "study.nc").is_file() and not file.parent.samefile(folder)}
-        for file in {*made, *beside}:  # heights beside another run were in memory
+        of_runs = {file for file in bodies if all((file.parent / name).exists() for name in ("study.yaml", "cases"))}
+        for file in {*made, *(file for file in of_runs if not file.parent.samefile(folder))}:  # they were in memory
             stamped_file.store(folder / file.name, file.read_bytes())
         notices, absent = inventory.sorted_out(folder, cases, fresh=again, another=another is not None)
         if study.ensemble is not None:

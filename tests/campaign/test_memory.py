@@ -204,6 +204,9 @@ def test_run_takes_heights_in_memory_and_keeps_them_beside_its_results() -> None
     assert said("status", "kept").startswith("runs/kept: 1 of 1 cases finished")
     said("run", "kept", "--set", "name=finer", "--set", "sweep.steps=3", "--jobs", "1")
     assert "heights.nc read by" in said("check", "finer")
+    Path("runs/finer/study.nc").unlink()  # as of a run that was interrupted
+    said("run", "finer", "--set", "name=finest", "--set", "sweep.steps=4", "--jobs", "1")
+    assert "heights.nc read by" in said("check", "finest")
     before = Path("runs/kept/cases").stat().st_mtime_ns
     roughvol.run(study, jobs=1)
     assert Path("runs/kept/cases").stat().st_mtime_ns == before  # nothing is computed twice
