@@ -240,7 +240,8 @@ def _several(run: Dataset, names: Sequence[str]) -> str:
     known = choices(study) if study else {}
     if not known.keys() >= set(names):  # a run of several D or m has none of one alone
         if study is not None and study.ensemble is None:
-            message += "; roughvol run STUDY --set name=NAME, with one value of each, takes the stored cases"
+            single = " and ".join(names)
+            message += f"; roughvol run STUDY --set name=NAME with a single {single} takes the stored cases"
         return message
     changes = [[shlex.quote(known[one][label]) for label in run[one].values.tolist()] for one in names]
     options = "; ".join(f"--set {' or '.join(of_one)}" for of_one in changes)
