@@ -26,6 +26,16 @@ surface: {D: [2.2, 2.4], m: 4, seeds: [3, 7]}
 sweep: {steps: 6}
 """
 
+LIFTED_LOOPS = """
+surface: {D: 2.2, m: 4, L: 1 mm, Sq: 1 um, seeds: 1, sides: mirrored}
+material: {E: 200 MPa, nu: 0.49}
+sweep: [{pressures: [0.4 MPa, 2 MPa]}, {pressures: [1 MPa, 0.3 MPa]}]
+record:
+  fluid_pressure: {at: {pressure: [0.4 MPa, 2 MPa]}, inlet: 1 bar, outlet: 0 bar}
+  transport: {transmissivity: every-step, closing: true}
+  dimensional: {pressure: MPa, leak_rate: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit: mm^3/s}}
+"""
+
 
 @pytest.fixture(scope="module", autouse=True)
 def _runs(there: Path) -> None:
@@ -273,6 +283,11 @@ def test_a_solved_closing_load_is_marked_at_one_place_in_all_figures() -> None:
     ran("solved", LOOPS.replace("every-step", "every-step, closing: true").replace("pressure: 1}", "pressure: 4 MPa}"))
     assert len(_marks("solved", "leak_of_p")) == 2
     assert _marks("solved", "path_loops") == _marks("solved", "leak_of_p")
+
+
+def test_the_solved_closing_load_of_the_dry_gap_is_no_mark_of_the_lifted_gap() -> None:
+    ran("lifted", LIFTED_LOOPS)
+    assert [*_marks("lifted", "path_loops")] == pytest.approx([2.0])
 
 
 def test_the_elements_of_a_map_of_yield_have_their_nodes_at_the_centre() -> None:
