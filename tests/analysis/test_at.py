@@ -378,6 +378,15 @@ def test_elastic_contact_opens_at_the_load_at_which_it_closes(tmp_path: Path) ->
             assert_allclose(path.max(), path.min(), rtol=1e-9)
 
 
+def test_a_surface_that_yielded_does_not_open_at_the_load_at_which_it_closed(tmp_path: Path) -> None:
+    text = CLOSING.replace("E_star: 10 MPa", "E_star: 10 MPa, hardness: 1 MPa")
+    ds = _made(text, tmp_path, "[{pressures: [0.01 MPa, 0.5 MPa]}, {pressures: [0.01 MPa]}]")
+    load = 1.1 * float((ds.closing_pressure * (ds.nominal_pressure / ds.mean_pressure).isel(step=0)).max())
+    up, down = (ds.roughvol.at(pressure=f"{load:.9g} MPa", leg=leg).open for leg in (1, 2))
+    assert_allclose(up, 0.0)
+    assert_allclose(down, 1.0)  # open up to the closed step: where it opens is not known
+
+
 def test_a_listed_load_of_a_later_leg_is_the_step_solved_for_it(tmp_path: Path) -> None:
     legs = "[{pressures: [0.02 MPa, 0.08 MPa]}, {pressures: [0.05 MPa, 0.03 MPa]}]"
     ds = _made(SEAL, tmp_path, legs)
