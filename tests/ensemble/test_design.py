@@ -117,8 +117,13 @@ def test_a_mean_of_zero_on_all_surfaces_is_zero_without_an_error() -> None:
 
 
 def test_a_budget_ends_it_and_says_what_was_reached() -> None:
-    seconds = itertools.count(0.0, 40.0)
-    found = _driven(asked(6, "0.1 %", ", budget: 1 min"), made({4: 1.0, 5: 1.0, 6: 1.0}), seconds=lambda: next(seconds))
+    def within(budget: str) -> Design:
+        seconds = itertools.count(0.0, 40.0)
+        study = asked(6, "0.1 %", f", budget: {budget}")
+        return _driven(study, made({4: 1.0, 5: 1.0, 6: 1.0}), seconds=lambda: next(seconds))
+
+    found = within("1 min")
+    assert found.counts == within("60 s").counts
     assert not found.estimates[2.3][0].reached
     said = answer.sentences(found)
     assert "asked for ± 0.1 %" in said[0]
