@@ -63,8 +63,9 @@ def test_a_dict_is_a_study() -> None:
     assert Path("runs/tiny/study.nc").is_file()
     finer = roughvol.run("tiny", jobs=1, changes={"name": "finer", "surface.m": 5})  # the study of a run
     assert finer.m.values.tolist() == roughvol.open("finer").m.values.tolist() == [5]
+    Path("other/study.nc").unlink()
     assert (roughvol.run(Path("other"), jobs=1).free_volume.values == ds.free_volume.values).all()
-    assert not Path("runs/other").exists()
+    assert Path("other/study.nc").is_file()  # in its folder, not in that of its name
     with pytest.raises(StudyError, match=r'^run: study\["surface"\]\["D"\]: must be < 3, given 9'):
         roughvol.run({"surface": {"D": 9, "m": 4}})
 
