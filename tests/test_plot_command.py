@@ -286,8 +286,8 @@ def test_a_solved_closing_load_is_marked_at_one_place_in_all_figures() -> None:
 
 
 def test_the_solved_closing_load_of_the_dry_gap_is_no_mark_of_the_lifted_gap() -> None:
-    ran("lifted", LIFTED_LOOPS)
-    assert [*_marks("lifted", "path_loops")] == pytest.approx([2.0])
+    ran("lifted_loops", LIFTED_LOOPS)
+    assert [*_marks("lifted_loops", "path_loops")] == pytest.approx([2.0])
 
 
 def test_the_elements_of_a_map_of_yield_have_their_nodes_at_the_centre() -> None:
