@@ -21,6 +21,7 @@ from roughvol.errors import DatasetError
 from roughvol.gap.free_volume import volume_density
 from roughvol.observables.variables import VARIABLES
 from roughvol.report.figures import curves
+from roughvol.report.figures.families import mean_and_band
 from roughvol.reproduction.figures.element_volumes import ENOUGH, merged
 from roughvol.reproduction.figures.registry import FIGURES
 from roughvol.store.dataset import combine
@@ -133,6 +134,13 @@ def test_a_single_seed_is_drawn_as_stored(single: xr.Dataset, name: str, by: str
     assert len(fig.axes[0].lines) == len(values) + (name == "fig05")
     assert sum(line.get_marker() != "None" for line in fig.axes[0].lines) == len(values)
     assert _title(fig) == ("$m = 5$" if by == "D" else "$D = 2.3$")
+
+
+def test_a_mean_over_curves_with_steps_of_one_abscissa_is_on_straight_lines() -> None:
+    """A* stays 0 near first touch: the cubic would begin at the first of these steps."""
+    curve = np.array([0.0, 0.0, 1.0, 2.0]), np.array([3.0, 2.0, 1.0, 0.5])
+    _, mean, _ = mean_and_band([curve, curve], 5)
+    np.testing.assert_allclose(mean, [2.0, 1.5, 1.0, 0.75, 0.5])
 
 
 @pytest.mark.parametrize(("name", "by", "x", "y"), [(name, *CURVES[name]) for name in ("fig05", "fig07b")])
