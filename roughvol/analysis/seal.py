@@ -346,8 +346,8 @@ def median(patch: Patch, leaks: Array, *, isotropic: bool, draws: int = DRAWS) -
 def known_of(leaks: Array) -> Array:
     """Return the leaks along x and y of the patches that are known, shape (patches, 2).
 
-    None is returned where a patch is known along one axis alone: it closed there, and seals drawn from the others
-    leak more.
+    The array is empty where a patch is known along one axis alone: the patch closed there, and seals drawn from the
+    others leak more.
     """
     finite = np.isfinite(leaks)
     whole = finite.all(axis=1)

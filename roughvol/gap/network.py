@@ -166,18 +166,18 @@ def flow_through(down: Array, east: Array, accuracy: float = ACCURACY, start: Ar
     left[0] = down[0]  # from the inlet, where all elements have P = 0
     u = network.start(left) if start is None else start.copy()
     nearer = np.zeros(east.shape, np.int8)
-    dissipation = _surplus(left, down, east, u, nearer)
+    dissipation = _inflow(left, down, east, u, nearer)
     for attempt in range(SOLVES):
         before = dissipation
         least = ROUNDING if attempt + 1 < SOLVES else 0.0
         error = network.correct(u, left, dissipation, accuracy, least)
-        dissipation = _surplus(left, down, east, u, nearer)
+        dissipation = _inflow(left, down, east, u, nearer)
         if accuracy > REFINED and not network.exact and before < LOST * dissipation:
             break
         if attempt == 0:
             nearer = (u > 0.5).astype(np.int8)
             u -= nearer
-            dissipation = _surplus(left, down, east, u, nearer)
+            dissipation = _inflow(left, down, east, u, nearer)
     return Flow(down, east, u, nearer, dissipation, error)
 
 
@@ -190,7 +190,7 @@ def between_reservoirs(down: Array, east: Array) -> Conductances:
 
 
 @compiled
-def _surplus(left: Array, down: Array, east: Array, fine: Array, whole: Whole) -> float:
+def _inflow(left: Array, down: Array, east: Array, fine: Array, whole: Whole) -> float:
     """Write the flow into each element at the pressures ``fine`` + ``whole`` to ``left``; return their dissipation."""
     rows, columns = east.shape
     nothing, dissipation = np.zeros(columns), 0.0

@@ -161,8 +161,10 @@ def sample(members: Sequence[Way], at: Array, *, hold: bool = False, beyond: flo
         load, closed = sign * member.load, sign * member.closed
         if load.size:
             inside = (points >= load[0]) & (points <= load[-1])
-            at_loads = (np.log(load), np.log(points[inside])) if member.by_log else (load, points[inside])
-            row[inside] = np.exp(at_state(at_loads[0], np.log(member.value), at_loads[1], straight=not member.by_log))
+            loads, places = load, points[inside]
+            if member.by_log:
+                loads, places = np.log(loads), np.log(places)
+            row[inside] = np.exp(at_state(loads, np.log(member.value), places, straight=not member.by_log))
             between = (points > load[-1]) & (points < closed)
             ends = [member.value[-1], member.value[-1] if hold else 0.0]
             row[between] = at_state([load[-1], closed], ends, points[between], straight=True)

@@ -106,7 +106,8 @@ def table(text: Text) -> Array:
     pairs = all(map(_PAIRS.fullmatch, lines)) and any(map(_NO_WHOLE.search, lines))
     if pairs or (spaced and all(_DECIMAL_COMMA.fullmatch(cell.rstrip(",")) for cell in cells)):
         raise DatasetError(
-            f"{text.path}: line {text.data[0][0]} holds commas in its numbers and between them; allowed: semicolons"
+            f"{text.path}: line {text.data[0][0]} holds commas in its numbers and between them; allowed: semicolons "
+            "between them, or numbers in quotation marks"
         )
     if mark != "," and any("," in line for line in lines):
         if any("." in line for line in lines):
