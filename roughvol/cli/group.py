@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import gc
 import importlib
 import itertools
 import os
@@ -212,3 +213,4 @@ def _of_system(error: BaseException) -> str:
 @click.version_option(__version__)
 def main() -> None:
     """Free volume between rough surfaces in elastic contact: study file in, labelled data and figures out."""
+    gc.set_threshold(100_000, 20, 100)  # what imports make stays: garbage is sought in it for a tenth of `show`
