@@ -20,6 +20,7 @@ from roughvol.store import lock, run_folder, stamped_file
 from roughvol.store.run_folder import case_file, checkpoint_file, failed_file
 from roughvol.study import Case
 from roughvol.study import case as one_case
+from roughvol.study.values.durations import duration
 from roughvol.surfaces.surface import Surface
 
 SMALL = 0.25  # share of the available memory up to which a single worker is this process itself
@@ -72,6 +73,16 @@ class Progress:
     notice: str = ""
     interval: str = ""
     left: float | None = None
+
+    def __str__(self) -> str:
+        """Return finished cases, steps, time left and interval in one line."""
+        parts = [f"{self.kept + self.done} of {self.cases} case{'s' * (self.cases != 1)}"]
+        parts[0] += f" ({self.failed} failed)" * (self.failed > 0)
+        if self.steps:
+            parts.append(f"{self.steps_done} of {self.steps} steps")
+        if self.left is not None and self.work < 1.0:
+            parts.append(f"about {duration(self.left)} left")
+        return " · ".join(filter(None, (*parts, self.interval)))
 
 
 OnEvent = Callable[[Progress], None]
@@ -126,27 +137,23 @@ def run_task(task: Task, tell: Callable[[tuple[str, int]], None], stopping: Call
 
 
 class Forecast:
-    """The work of a run: all, done and left.
+    """The work of a run in one batch or several: all, done and left. It begins with the first batch."""
 
-    ``works`` has the expected seconds of each case by id, whose ratios alone count, ``steps`` its number of steps.
-    ``later`` are the expected seconds of the cases of later batches, ``earlier`` those of earlier batches. The first
-    batch ``began`` at a time of the ``clock``, which returns seconds; default: now.
-    """
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, self._started = clock, math.nan
+        self._works, self._steps, self._done = dict[str, float](), dict[str, int](), dict[str, float]()
+        self._all = 0.0
 
-    def __init__(
-        self,
-        works: Mapping[str, float],
-        steps: Mapping[str, int],
-        later: float = 0.0,
-        clock: Callable[[], float] = time.monotonic,
-        *,
-        earlier: float = 0.0,
-        began: float | None = None,
-    ) -> None:
-        self._works, self._steps, self._clock = works, steps, clock
-        self._all = math.fsum(works.values()) + later + earlier
-        self._done: dict[str, float] = {"": earlier}
-        self._started = clock() if began is None else began
+    def expect(self, works: Mapping[str, float], steps: Mapping[str, int], later: float = 0.0) -> None:
+        """Begin a batch: expected seconds and number of steps of its cases by id, and the seconds of later batches.
+
+        The ratios of these seconds alone count.
+        """
+        if not self._works:
+            self._started = self._clock()
+        self._works |= works
+        self._steps |= steps
+        self._all = math.fsum(self._works.values()) + later
 
     def reached(self, id: str, step: int) -> None:
         """Note the finished steps of a case at work."""
@@ -174,8 +181,8 @@ class Batch:
     """The cases computed now, and their progress.
 
     ``study`` is the study as text, ``kept`` the number of cases finished before, ``surface`` that of the first case, if
-    it was read. ``alone``: the study has no other case. ``later``, ``earlier`` and ``began`` are those of `Forecast`.
-    ``names``: cases in words by id; default their labels.
+    it was read. ``alone``: the study has no other case. ``forecast`` is that of earlier batches, ``later`` are the
+    expected seconds of later ones. ``names``: cases in words by id; default their labels.
     """
 
     def __init__(
@@ -188,16 +195,16 @@ class Batch:
         *,
         surface: Surface | None = None,
         alone: bool = False,
+        forecast: Forecast | None = None,
         later: float = 0.0,
-        earlier: float = 0.0,
-        began: float | None = None,
         names: Mapping[str, str] | None = None,
     ) -> None:
         self._folder, self._study, self._kept, self._control = folder, study, kept, control
         self._surface = surface if alone else None
         works = {case.id: expected_seconds(case) for case in cases}
         self._steps = {case.id: case.sweep.steps for case in cases}
-        self._forecast = Forecast(works, self._steps, later, earlier=earlier, began=began)
+        self._forecast = forecast or Forecast()
+        self._forecast.expect(works, self._steps, later)
         self._expected = sum(works.values())
         self._cases = sorted(cases, key=lambda case: -works[case.id])  # the longest first
         named = {case.id: (names or {}).get(case.id, case.label) for case in cases}

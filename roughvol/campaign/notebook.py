@@ -45,15 +45,7 @@ class Bar:
             self._handle.update(self)
 
     def __repr__(self) -> str:
-        now = self._now
-        if now is None:
-            return "starting"
-        failed = f" ({now.failed} failed)" if now.failed else ""
-        cases = f"{now.kept + now.done} of {now.cases} case{'s' * (now.cases != 1)}{failed}"
-        duration = f"{time.monotonic() - self._started:.1f} s"
-        if now.work < 1.0 and now.left is not None:
-            duration = f"about {now.left:.0f} s left"
-        return " · ".join(filter(None, (cases, now.interval, duration)))
+        return f"{self._now or 'starting'} · {time.monotonic() - self._started:.1f} s"
 
     def _repr_html_(self) -> str:
         work = self._now.work if self._now is not None else 0.0

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from roughvol.campaign import collection
-from roughvol.campaign.batch import Batch, Control, Progress
+from roughvol.campaign.batch import Batch, Control, Forecast, Progress
 from roughvol.campaign.case_surface import one_thread, surface_of
 from roughvol.campaign.collection import Finished
 from roughvol.campaign.one_case import Context, arrays_of_case
@@ -37,8 +37,7 @@ class Rounds:
         self._on_event, self._control = control.on_event, replace(control, on_event=self._report)
         self._cases: dict[str, Case] = {}
         self._found = Finished()
-        self._interval, self._kept, self._earlier = "", 0, 0.0
-        self._began: float | None = None  # of the first batch, on the clock of `Batch`
+        self._interval, self._kept, self._forecast = "", 0, Forecast()
         for notice in notices:
             self._report(Progress(cases=len(sound), kept=len(sound), notice=notice))
 
@@ -86,10 +85,8 @@ class Rounds:
         kept = len(self._cases) + len(by_id) - len(missing)
         self._kept += len(by_id) - len(missing)
         if missing:
-            self._began = self._began or time.monotonic()
-            text, control, earlier = self._study.of_each_case(), self._control, self._earlier
-            Batch(self._folder, text, missing, kept, control, later=later, earlier=earlier, began=self._began).compute()
-            self._earlier += sum(map(cost.expected_seconds, missing))
+            text, control, forecast = self._study.of_each_case(), self._control, self._forecast
+            Batch(self._folder, text, missing, kept, control, forecast=forecast, later=later).compute()
         else:
             self._report(Progress(cases=kept, kept=kept, work=1.0))
         found = collection.complete(self._folder, by_id, self._control.stopping)

@@ -141,17 +141,6 @@ def _summary(results: Dataset, path: Path) -> list[str]:
     return list(dict.fromkeys([*lines, *results.attrs.get("answer", "").splitlines()]))
 
 
-def _progress_text(now: Progress) -> str:
-    """Return finished cases, steps and time left in one line."""
-    failed = f" ({now.failed} failed)" if now.failed else ""
-    text = f"{now.kept + now.done} of {count(now.cases, 'case')}{failed}"
-    if now.steps:
-        text += f" · {now.steps_done} of {now.steps} steps"
-    if now.left is not None and now.work < 1.0:
-        text += f" · about {duration(now.left)} left"
-    return f"{text} · {now.interval}" if now.interval else text
-
-
 def _progress() -> contextlib.AbstractContextManager[Draw]:
     """Draw on a terminal; elsewhere write a line now and then."""
     return _bar() if is_seen() else _lines()
@@ -166,10 +155,9 @@ def _lines() -> Iterator[Draw]:
         if now.notice:
             say(now.notice, err=True)
             return
-        text = _progress_text(now)
-        waiting = f"{now.event} · {text}" if now.event else waiting
+        waiting = f"{now.event} · {now}" if now.event else waiting
         if time.monotonic() - last >= (EVENT_EVERY if waiting else PLAIN_EVERY):
-            say(waiting or text, err=True)
+            say(waiting or str(now), err=True)
             last, waiting = time.monotonic(), ""
 
     try:
@@ -192,7 +180,7 @@ def _bar() -> Iterator[Draw]:
         with contextlib.suppress(OSError):  # the terminal is closed
             if now.notice or (now.event and now.failed):
                 bar.console.print(now.notice or now.event, markup=False, highlight=False)
-            bar.update(task, completed=now.work, description=_progress_text(now))
+            bar.update(task, completed=now.work, description=str(now))
 
     bar.start()
     try:

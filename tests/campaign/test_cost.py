@@ -221,7 +221,8 @@ class _Clock:
 def test_the_time_left_is_that_of_the_work_left_at_the_mean_rate(processes: int, slower: float) -> None:
     works = {f"fine{k}": 2.0 for k in range(21)} | {f"coarse{k}": 0.1 for k in range(210)}
     clock = _Clock()
-    forecast = Forecast(works, dict.fromkeys(works, 60), clock=clock)
+    forecast = Forecast(clock)
+    forecast.expect(works, dict.fromkeys(works, 60))
     assert forecast.left() is None
     whole = slower * sum(works.values()) / processes
     for id, seconds in works.items():
@@ -233,20 +234,23 @@ def test_the_time_left_is_that_of_the_work_left_at_the_mean_rate(processes: int,
 
 def test_steps_of_a_case_at_work_and_later_batches_count_as_their_share() -> None:
     clock = _Clock()
-    forecast = Forecast({"long": 30.0, "none": 0.0}, {"long": 10, "none": 0}, 30.0, clock)
+    forecast = Forecast(clock)
+    forecast.expect({"long": 30.0, "none": 0.0}, {"long": 10, "none": 0}, later=30.0)
     clock.now = 60.0
     forecast.reached("long", 2)
     assert (forecast.share, forecast.left()) == (pytest.approx(0.1), pytest.approx(540.0))
     forecast.ended("long")
     assert (forecast.share, forecast.left()) == (pytest.approx(0.5), pytest.approx(60.0))
-    forecast = Forecast({"short": 10.0}, {"short": 10}, 20.0, clock, earlier=30.0, began=0.0)
+    forecast.ended("none")
+    forecast.expect({"short": 10.0}, {"short": 10}, later=20.0)  # the clock goes on
     forecast.reached("short", 0)
     assert (forecast.share, forecast.left()) == (pytest.approx(0.5), pytest.approx(60.0))
 
 
 def test_the_time_left_is_not_known_while_the_rate_is_that_of_the_start() -> None:
     clock = _Clock()
-    forecast = Forecast({"case": 60.0}, {"case": 480}, clock=clock)
+    forecast = Forecast(clock)
+    forecast.expect({"case": 60.0}, {"case": 480})
     clock.now = 10.0
     forecast.reached("case", 1)
     assert forecast.left() is None
