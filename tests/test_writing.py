@@ -77,7 +77,7 @@ def test_a_folder_that_cannot_be_made_is_named(place: Path) -> None:
     folder = place / "tiny.yaml" / "figures"
     for command in ([*COMMANDS["png"], "a_of_p"], COMMANDS["csv"], COMMANDS["report"]):
         told = refused(*command, "--out", folder)
-        assert told.count(f"cannot write {folder}: it is within a file") == 1
+        assert told.count(f"cannot write {folder}: Not a directory") == 1
 
 
 def test_a_device_is_written_and_not_replaced(tmp_path: Path) -> None:
@@ -129,7 +129,7 @@ def test_an_output_that_cannot_be_written_is_one_message(place: Path, command: s
     assert done.returncode in (1, 2)
     (message,) = done.stderr.splitlines()
     assert re.match(r"(?i)error: ", message)
-    assert "disk is full" in message or os.strerror(errno.ENOSPC) in message
+    assert os.strerror(errno.ENOSPC) in message
 
 
 @pytest.mark.parametrize(

@@ -120,10 +120,8 @@ def _taken(source: Path, folder: Path, case: Case) -> bool:
         os.link(source, aside)
         aside.replace(target)
     except OSError:  # another disk, or a file system without links
-        try:
+        with contextlib.suppress(OSError):  # what cannot be copied is computed
             stamped_file.store(target, source.read_bytes())
-        except OSError as error:
-            raise stamped_file.cannot_write(target, error) from error
     if run_folder.examined(target, case).fault is None:  # the sibling may have been replaced meanwhile
         return True
     target.unlink(missing_ok=True)

@@ -135,12 +135,9 @@ def _same_file(handle: int, path: Path) -> bool:
 def _named(handle: int) -> Holder | None:
     """Return the process named in a lock file, None if the content makes no sense."""
     try:
-        named = Holder(**json.loads(os.pread(handle, MAX_BYTES, 0)))
-    except (ValueError, TypeError, OSError, RecursionError):
+        return Holder(**json.loads(os.pread(handle, MAX_BYTES, 0)))
+    except (ValueError, TypeError, OSError):
         return None
-    texts = (named.host, named.started, named.birth)
-    valid = type(named.pid) is int and 0 < named.pid < 1 << 31 and all(type(text) is str for text in texts)
-    return named if valid else None
 
 
 def _birth(pid: int) -> str:

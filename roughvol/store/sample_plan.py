@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping
 from pathlib import Path
 
 from roughvol.store import run_folder, stamped_file
 from roughvol.study import Case, Study
-
-_LEVEL = re.compile(r"[0-9]{1,2}")
 
 
 def path(folder: Path) -> Path:
@@ -31,9 +28,7 @@ def cases_of(study: Study, folder: Path) -> dict[str, Case]:
     first, plan = study.ensemble.first_seed, run_folder.small_json(path(folder))
     samples: list[Case] = []
     for D, finest in {case.D: case.m for case in study.cases()}.items():
-        planned = plan.get(repr(D))
-        for m, number in ({str(finest): 1} | (planned if isinstance(planned, dict) else {})).items():
-            if _LEVEL.fullmatch(m) and isinstance(number, int):
-                assert D is not None  # the cases of an ensemble are made
-                samples += [study.sample(D, int(m), first + seed) for seed in range(number)]
+        assert D is not None  # the cases of an ensemble are made
+        for m, number in ({str(finest): 1} | plan.get(repr(D), {})).items():
+            samples += [study.sample(D, int(m), first + seed) for seed in range(number)]
     return {case.id: case for case in samples}

@@ -29,19 +29,7 @@ TAIL = 64 + 8 + len(MARK)
 MAX_LABELS = 100_000
 Labels = dict[str, str]
 
-_REASONS = {
-    errno.ENOSPC: "the disk is full",
-    errno.EDQUOT: "the disk quota is used up",
-    errno.EROFS: "the file system is read-only",
-    errno.EACCES: "the folder may not be written",
-    errno.EPERM: "the folder may not be written",
-    errno.ENOENT: "the folder has vanished",
-    errno.EEXIST: "it is no folder",
-    errno.ENOTDIR: "it is within a file",
-    errno.EIO: "the disk does not work",
-    errno.EFBIG: "the file is larger than is allowed (ulimit -f)",
-    errno.EMFILE: "too many open files (ulimit -n)",
-}
+_REASONS = {errno.ENOENT: "the folder has vanished", errno.EEXIST: "it is no folder"}  # others in words of the system
 
 
 def store(path: Path, content: bytes) -> None:

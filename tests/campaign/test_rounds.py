@@ -1,6 +1,5 @@
 """Ensembles in a folder: answers by stored numbers alone, whoever computes and whatever interrupts."""
 
-import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -125,14 +124,6 @@ def test_an_unfinished_ensemble_is_collected_without_an_answer(cases: Path) -> N
     assert "free_volume_mean" not in results
     assert "no answer yet: 1 of " in results.attrs["answer"]
     assert results.free_volume.notnull().any("step").sum() == len(files_of(cases))
-
-
-@pytest.mark.parametrize("level", ["²", "-1", "1" * 5000, ""])
-def test_a_plan_with_a_level_that_is_no_number_is_read_without_it(finished: Path, cases: Path, level: str) -> None:
-    plan = json.loads((cases / "ensemble.json").read_text(encoding="utf-8"))
-    plan["2.3"][level] = 3
-    (cases / "ensemble.json").write_text(json.dumps(plan), encoding="utf-8")
-    assert status(STUDY, cases).done == status(STUDY, finished).done
 
 
 def test_fresh_computes_every_sample_again(cases: Path) -> None:
