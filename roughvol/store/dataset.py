@@ -166,15 +166,17 @@ def _with_axis(dataset: Dataset) -> Dataset:
     """Return a dataset of version 0.13 or older, with variables ``…_x`` and ``…_y``, as one with the dimension axis."""
     if "critical_position_x" in dataset:
         dataset = dataset.rename(axis="coordinate")  # of a position
-    for name, row in VARIABLES.items():
-        pair = [dataset[f"{name}_{axis}"] for axis in AXES if f"{name}_{axis}" in dataset]
-        if " axis" in row.dims and len(pair) == len(AXES):
-            behind = row.dims.partition(" axis")[2].split()
-            before = [dim for dim in pair[0].dims if dim not in behind]
-            joined = xr.concat(pair, xr.IndexVariable("axis", list(AXES))).transpose(*before, "axis", *behind)
-            joined = joined.assign_attrs(pair[0].attrs | {"symbol": row.symbol, "long_name": row.long_name})
-            dataset = dataset.assign({name: joined}).drop_vars([one.name for one in pair])
-    return dataset
+    joined: dict[str, xr.Variable] = {}
+    for name in (name for name, row in VARIABLES.items() if " axis" in row.dims and f"{name}_x" in dataset):
+        row, pair = VARIABLES[name], [dataset.variables[f"{name}_{axis}"] for axis in AXES]
+        behind = row.dims.partition(" axis")[2].split()
+        before = [dim for dim in pair[0].dims if dim not in behind]
+        joined[name] = xr.Variable.concat(pair, "axis").transpose(*before, "axis", *behind)
+        joined[name].attrs |= {"symbol": row.symbol, "long_name": row.long_name}
+    if not joined:
+        return dataset
+    apart = [f"{name}_{axis}" for name in joined for axis in AXES]
+    return dataset.assign(joined).assign_coords(axis=list(AXES)).drop_vars(apart)  # at once: each takes a millisecond
 
 
 def _opened(content: bytes) -> Dataset:
