@@ -7,7 +7,7 @@ import functools
 import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from pydantic import PrivateAttr, SerializationInfo, ValidationError, ValidationInfo, model_serializer, model_validator
 
@@ -222,6 +222,17 @@ class Study(StudyFile):
     def _first(self) -> Case:
         return self.cases()[0]
 
+    @functools.cached_property
+    def _text(self) -> str:
+        return write(self._stored())
+
+    def __copy__(self) -> Self:
+        """Return a copy without what is cached: other fields may take the place of its fields."""
+        copied = super().__copy__()
+        for name in copied.__dict__.keys() - type(self).model_fields:
+            del copied.__dict__[name]
+        return copied
+
     def to_yaml(self) -> str:
         """Return the study as YAML with every default; `loads` of it gives an equal study."""
         return write(self.model_dump(mode="json"))
@@ -231,7 +242,7 @@ class Study(StudyFile):
 
         ``loads(text, stored=True)`` reads it without the height files.
         """
-        return write(self._stored())
+        return self._text
 
     def of_each_case(self) -> str:
         """Return `stored` with a number of seeds in place of 0, 1, 2 …: thousands of case files hold this text."""
