@@ -108,6 +108,19 @@ def _press_trials_once() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module")
+def few_samples() -> Iterator[None]:
+    """Ensembles of few samples, few trials and few surfaces without a solve, for all tests of a module."""
+    from roughvol.ensemble import design, prediction, step_error
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(design, "PILOT", 8)
+        patch.setattr(design, "FEW_SURFACES", 100)
+        patch.setattr(prediction, "SEEDS", 8)
+        patch.setattr(step_error, "SURFACES", 8)
+        yield
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _blank_figures() -> Iterator[None]:
     """Save blank figures of the same size: layout, text and fonts take most of the time of a figure."""

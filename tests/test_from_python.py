@@ -26,7 +26,7 @@ BLOCKS = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), 
 
 
 @pytest.fixture(scope="module")
-def names(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def names(few_samples: None, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """All names after the blocks have run in an empty folder; ``printed`` has what they print."""
     names: dict[str, Any] = {"printed": []}
     names["print"] = lambda value: names["printed"].append(str(value))

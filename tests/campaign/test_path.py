@@ -15,7 +15,6 @@ from roughvol.campaign.execution import run
 from roughvol.campaign.one_case import Context, run_case
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.loading import sweep
-from roughvol.ensemble import design
 from roughvol.errors import ContactError, RoughvolError
 from roughvol.store import checkpoint
 from roughvol.store.dataset import Dataset
@@ -429,10 +428,9 @@ WORKS = {
 }
 
 
+@pytest.mark.usefixtures("few_samples")
 @pytest.mark.parametrize("name", WORKS)
-def test_a_period_goes_with_every_other_feature(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(design, "PILOT", 4)
-    monkeypatch.setattr(design, "FEW_SURFACES", 100)
+def test_a_period_goes_with_every_other_feature(name: str) -> None:
     z = noise(0, 18, 16)
     z[0, 3:6] = np.nan
     np.save("z.npy", z)

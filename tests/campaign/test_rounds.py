@@ -1,7 +1,6 @@
 """Ensembles in a folder: answers by stored numbers alone, whoever computes and whatever interrupts."""
 
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -10,7 +9,6 @@ from numpy.testing import assert_allclose
 from roughvol.analysis.stored_run import Run
 from roughvol.campaign import rounds
 from roughvol.campaign.execution import collect, run
-from roughvol.ensemble import design
 from roughvol.errors import CampaignError
 from roughvol.report.run_facts import facts
 from roughvol.store import dataset
@@ -28,12 +26,7 @@ ensemble: {accuracy: {free_volume: 20 %}, at: {pressure: [0.1, 0.3]}}
 STUDY = loads(TEXT)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def few_samples() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(design, "PILOT", 8)
-        patch.setattr(design, "FEW_SURFACES", 100)
-        yield
+pytestmark = pytest.mark.usefixtures("few_samples")
 
 
 @pytest.fixture(scope="module")

@@ -42,8 +42,7 @@ def test_finer_levels_need_fewer_samples() -> None:
     assert smooth.plain / smooth.seconds > rough.plain / rough.seconds > 1.0
 
 
-def test_check_prints_the_expected_ensemble(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(prediction, "SEEDS", 8)
+def test_check_prints_the_expected_ensemble(few_samples: None) -> None:
     done = succeeded("check", "-", "--jobs", "1", input=SURFACE.replace("m: 4", "m: 3") + ASKED["V*"])
     assert "surfaces without a solve, 6 steps: " in done.output
     assert "plain Monte Carlo: " in done.output

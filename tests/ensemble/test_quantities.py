@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose
 
 from roughvol.campaign.execution import run
 from roughvol.campaign.one_case import run_case
-from roughvol.ensemble import design
 from roughvol.ensemble.samples import SampleTable
 from roughvol.ensemble.step_error import trial
 from roughvol.ensemble.targets import PERCOLATION, Arrays, Series, error_at, series_of, targets_of, value_at
@@ -32,13 +31,6 @@ def _arrays(case: Case) -> Arrays:
 
 def _series(case: Case) -> Series:
     return series_of(_arrays(case))
-
-
-@pytest.fixture
-def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ensembles of few samples and few surfaces without a solve."""
-    monkeypatch.setattr(design, "PILOT", 8)
-    monkeypatch.setattr(design, "FEW_SURFACES", 100)
 
 
 def test_the_pressure_at_which_the_void_closes_is_that_of_a_sweep_to_percolation() -> None:
@@ -147,7 +139,7 @@ def test_a_quantity_without_a_state_has_a_state_of_its_own() -> None:
         assert [target.state.label for target in targets_of(study.ensemble)] == states
 
 
-def test_the_mean_of_a_quantity_of_the_void_is_stored(tmp_path: Path, small: None) -> None:
+def test_the_mean_of_a_quantity_of_the_void_is_stored(tmp_path: Path, few_samples: None) -> None:
     text = "surface: {D: 2.3, m: 3}\nsweep: {steps: 2, to: percolation}\nrecord: {transport: {percolation: every-step}}"
     asked = "\nensemble: {accuracy: {percolation_pressure: 50 %}}"
     results = run(loads(text + asked), out=tmp_path, jobs=1)
@@ -158,7 +150,7 @@ def test_the_mean_of_a_quantity_of_the_void_is_stored(tmp_path: Path, small: Non
     assert "mean p_c*, D = 2.3, m = 3" in results.attrs["answer"]
 
 
-def test_a_mean_beside_fluid_pressure_is_said_to_be_without_it(tmp_path: Path, small: None) -> None:
+def test_a_mean_beside_fluid_pressure_is_said_to_be_without_it(tmp_path: Path, few_samples: None) -> None:
     record = "record: {transport: {transmissivity: every-step}, fluid_pressure: {inlet: 0.01, at: last}}\n"
     text, asked = "surface: {D: 2.3, m: 3}\nsweep: {steps: 2}\n", "ensemble: {accuracy: {transmissivity: 50 %}}"
     answer = run(loads(text + record + asked), out=tmp_path, jobs=1).attrs["answer"]

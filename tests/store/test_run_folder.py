@@ -24,9 +24,8 @@ from roughvol.campaign import batch, checks, cost, execution, inventory, machine
 from roughvol.errors import CampaignError, DatasetError, FolderError, RoughvolError, StudyError
 from roughvol.store import dataset, lock, provenance, run_folder, run_status, stamped_file
 from roughvol.store.dataset import Dataset
-from roughvol.study import Study, loads
+from roughvol.study import Study, loads, plain_data, reading
 from roughvol.study import case as one_of_study
-from roughvol.study.plain_data import MAX_BYTES
 from tests.campaign.kit import Events, files_of, values_of
 from tests.kit import call, refused, said
 
@@ -661,11 +660,15 @@ def test_a_library_that_crashes_or_reads_for_ever_is_an_error_of_its_file(
         checks.check_surfaces(of_netcdf)
 
 
-def test_the_study_of_a_run_is_read_again_whatever_its_size(tmp_path: Path) -> None:
+def test_the_study_of_a_run_is_read_again_whatever_its_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    most = plain_data.MAX_BYTES // 100
+    monkeypatch.setattr(reading, "MAX_BYTES", most)
+    for module in (reading, run_folder):
+        monkeypatch.setattr(module, "STORED_BYTES", plain_data.STORED_BYTES // 100)
     begin = "surface: {D: 2.5, m: 2, seeds: 1}\nsweep: {steps: 0}\ncomment: "
-    study = loads(f"{begin}{'x' * (MAX_BYTES - len(begin))}")
+    study = loads(f"{begin}{'x' * (most - len(begin))}")
     text = study.stored()
-    assert len(text) > MAX_BYTES  # with every default
+    assert len(text) > most  # with every default
     (tmp_path / "study.yaml").write_text(text)
     assert run_folder.stored_study(tmp_path) == text
     assert loads(text, stored=True) == study
