@@ -111,6 +111,13 @@ def test_a_mean_without_a_limit_at_a_given_m_says_so() -> None:
     assert "resolution: not known from one level" in alone
 
 
+def test_a_mean_beside_fluid_pressure_is_said_to_be_without_it() -> None:
+    text = "surface: {D: 2.3, m: 5}\nsweep: {steps: 8}\nensemble: {accuracy: {free_volume: 9 %}}\n"
+    lifted = loads(f"{text}record: {{fluid_pressure: {{inlet: 0.01, at: last}}}}")
+    found = _driven(lifted, made(dict.fromkeys((3, 4, 5), 1.0)))
+    assert "all means are those of the gap without fluid pressure" in answer.sentences(found)[-1]
+
+
 def test_a_mean_of_zero_on_all_surfaces_is_zero_without_an_error() -> None:
     found = _driven(asked(5, "5 %"), made(dict.fromkeys((3, 4, 5), 0.0)))
     assert "m = 5: 0 ± 0 (the same on all seeds)" in answer.sentences(found)[0]

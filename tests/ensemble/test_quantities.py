@@ -150,13 +150,6 @@ def test_the_mean_of_a_quantity_of_the_void_is_stored(tmp_path: Path, few_sample
     assert "mean p_c*, D = 2.3, m = 3" in results.attrs["answer"]
 
 
-def test_a_mean_beside_fluid_pressure_is_said_to_be_without_it(tmp_path: Path, few_samples: None) -> None:
-    record = "record: {transport: {transmissivity: every-step}, fluid_pressure: {inlet: 0.01, at: last}}\n"
-    text, asked = "surface: {D: 2.3, m: 3}\nsweep: {steps: 2}\n", "ensemble: {accuracy: {transmissivity: 50 %}}"
-    answer = run(loads(text + record + asked), out=tmp_path, jobs=1).attrs["answer"]
-    assert "all means are those of the gap without fluid pressure" in answer
-
-
 LISTED = """surface: {D: 2.3, m: 3, seeds: 3}
 sweep: {pressures: [0.2, 0.4]}
 record: {transport: {transmissivity: every-step}}

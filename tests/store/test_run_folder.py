@@ -585,18 +585,6 @@ def test_a_run_whose_folder_was_moved_leaves_the_lock_of_the_next_one_alone(tmp_
     assert (tmp_path / "run" / "lock").exists()
 
 
-@pytest.mark.processes
-def test_a_folder_that_vanishes_while_a_long_case_runs_ends_the_run_at_once(tmp_path: Path) -> None:
-    study = loads("name: s\nsurface: {D: 2.5, m: 8, seeds: 1}\nsweep: {steps: 10000}\n")  # minutes
-
-    def vanish(now: batch.Progress) -> None:
-        if now.steps_done:
-            shutil.rmtree(tmp_path / "run", ignore_errors=True)
-
-    with pytest.raises(FolderError, match="the folder has vanished"):
-        execution.run(study, out=tmp_path / "run", jobs=1, on_event=vanish)
-
-
 def test_a_stale_note_is_none_and_removed(study: Study, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (place / "progress.json").write_text(json.dumps({"running": [study.cases()[0].id], "left": 5.0}))
     found = run_status.status(study, place)
@@ -606,16 +594,23 @@ def test_a_stale_note_is_none_and_removed(study: Study, place: Path, monkeypatch
     assert not (place / "progress.json").exists()
 
 
-def test_a_folder_that_vanishes_is_told_and_not_made_again(study: Study, tmp_path: Path) -> None:
+@pytest.mark.parametrize("counted", ["done", "steps_done"])  # after a case, and at once within a case
+def test_a_folder_that_vanishes_is_told_and_not_made_again(
+    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, counted: str
+) -> None:
+    for name in ("NOTED_EVERY", "TOLD_EVERY"):
+        monkeypatch.setattr(batch, name, 0.0 if counted == "steps_done" else 60.0)
+    seen = Events()
+
     def vanish(now: batch.Progress) -> None:
-        if now.done == 1 and (tmp_path / "run").exists():
-            shutil.rmtree(tmp_path / "run")
+        seen(now)
+        if getattr(now, counted) == 1:
+            shutil.rmtree(tmp_path / "run", ignore_errors=True)
 
     with pytest.raises(FolderError, match="the folder has vanished"):
         execution.run(study, out=tmp_path / "run", jobs=1, on_event=vanish)
     assert not (tmp_path / "run").exists()
-    with pytest.raises(CampaignError, match="jobs is 0"):
-        execution.run(study, out=tmp_path / "run", jobs=0)
+    assert getattr(seen[-1], counted) == 1
 
 
 @pytest.fixture
