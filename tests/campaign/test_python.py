@@ -17,7 +17,7 @@ from numpy.testing import assert_allclose
 import roughvol
 from roughvol.errors import FolderError, StudyError
 from roughvol.store import lock
-from roughvol.study import loads, of_data
+from roughvol.study import loads, of_data, reading
 from tests.campaign.kit import table
 from tests.kit import call, refused, succeeded
 
@@ -152,7 +152,8 @@ def test_what_is_no_plain_data_is_refused_at_its_place(value: object, reason: st
         roughvol.run({"surface": {"D": value, "m": 4}})
 
 
-def test_problems_of_a_dict_name_keys_and_no_lines() -> None:
+def test_problems_of_a_dict_name_keys_and_no_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(reading, "MAX_BYTES", 2000)
     np.savetxt("z.txt", _heights())
     loop: dict[str, Any] = {"surface": {}}
     loop["surface"]["surface"] = loop
@@ -164,7 +165,7 @@ def test_problems_of_a_dict_name_keys_and_no_lines() -> None:
         ),
         ({1: 2, "surface": {"D": 2.3, "m": 4}}, 'run: study["1"]: a key must be text, given 1 of the type int'),
         (loop, "run: study: nested too deep"),
-        ({"surface": {"D": 2.3, "m": 4}, "comment": "n" * 1_100_000}, "run: study: larger than"),
+        ({"surface": {"D": 2.3, "m": 4}, "comment": "n" * 2000}, "run: study: larger than"),
         ({"surface": {"file": "absent.npy", "L": 1}}, 'run: study["surface"]["file"]: no such file'),
         ({"surface": {"file": "z.txt"}, "sweep": {"steps": 2}}, 'run: study["surface"]["L"]: missing'),
     ):
