@@ -92,6 +92,9 @@ def register(record: Record, ensemble: Ensemble | None = None) -> None:
     known: dict[str, list[float]] = {}
     stored = [variable for variable, row in QUANTITIES.items() if row.observable != OBSERVABLE]
     taken = {*OF_TABLES, *stored, *itertools.chain(*map(columns_of, stored))}
+    taken |= {
+        f"{name}{end}" for name in (*taken, *_of(record)) for end in ("_range", "_count")
+    }  # as `averages` has them
     described, problems = {}, []
     for name, quantity in _of(record).items():
         try:
@@ -116,13 +119,9 @@ def register(record: Record, ensemble: Ensemble | None = None) -> None:
             if dim != "axis"
         }
         for variable, made in rows.items():
-            base = variable.removesuffix("_range").removesuffix("_count")  # as `averages` names them
-            of_average = variable != base and base in {*taken, *_of(record)}
-            if variable in taken or of_average or (variable != name and variable in _of(record)):
-                kind = "a column of tables" if variable in OF_TABLES else "a stored variable"
-                kind = f"a number of the average of {base}" if of_average else kind
-                key, message = f"record.own.{name}", f"{variable} is {kind} already: choose another name"
-                raise StudyError([Problem(message, key)])
+            if variable in taken or (variable != name and variable in _of(record)):
+                message = f"{variable} is the name of another number of tables or files: choose another name"
+                raise StudyError([Problem(message, f"record.own.{name}")])
             QUANTITIES[variable] = VARIABLES[variable] = made
 
 
