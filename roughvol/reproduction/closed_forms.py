@@ -73,12 +73,6 @@ def circular_punch_displacement(r: ArrayLike, indentation: float, radius: float)
     return 2.0 * indentation / math.pi * np.arcsin(radius / _split(r, radius)[1])
 
 
-def square_punch(indentation: float, side: float, E_star: float = 1.0) -> float:
-    """Return the force of a rigid flat square punch, F = E* Δ L / 0.86783, right to 1e-5."""
-    check_positive(indentation=indentation, side=side, E_star=E_star)
-    return E_star * indentation * side / SQUARE_PUNCH_COMPLIANCE
-
-
 def cone(indentation: float, slope: float, E_star: float = 1.0) -> Indenter:
     """Return the contact of a rigid cone r s: F = 2 E* Δ² / (π s), a = 2 Δ / (π s) (Sneddon 1965)."""
     check_positive(indentation=indentation, slope=slope, E_star=E_star)

@@ -42,12 +42,6 @@ def bearing_area_volume(
     return (1.0 - covered) * volume
 
 
-def boxes_of_dimension(dimension: ArrayLike, length: float, spacing: float) -> Array:
-    """Return N(δ) = (l/δ)^𝒟 elements in a domain of dimension 𝒟, l free (Eq. 6; Eq. 5 with r for δ, R for l)."""
-    check_positive(length=length, spacing=spacing)
-    return (length / spacing) ** np.asarray(dimension, dtype=np.float64)
-
-
 def volume_from_dimension(
     thresholds: Array,
     dimensions: Array,
@@ -60,14 +54,15 @@ def volume_from_dimension(
 ) -> float:
     """Return V* from the dimension of the free volume domains, with K bins between K + 1 thresholds (Eqs. 7-10).
 
-    n_k = (l/δ)^{𝒟_{k+1}} - (l/δ)^{𝒟_k} (Eq. 8), and V* = Σ w_k n_k / (σ A_n) (Eqs. 9 and 10) with
+    A domain of dimension 𝒟 has (l/δ)^𝒟 elements (Eq. 6). So n_k = (l/δ)^{𝒟_{k+1}} - (l/δ)^{𝒟_k} (Eq. 8), and
+    V* = Σ w_k n_k / (σ A_n) (Eqs. 9 and 10) with
 
         weight "width":   w_k = v_{k+1} - v_k          as printed; tends to 0 with growing K
         weight "volume":  w_k = (v_{k+1} + v_k) / 2    the volume of an element in the bin; converges
 
     Thresholds v_th [length³] do not decrease; ``dimensions`` are those of the domains v ≤ v_th. l is free.
     """
-    check_positive(Sq=Sq, area=area)
+    check_positive(length=length, spacing=spacing, Sq=Sq, area=area)
     if thresholds.shape != dimensions.shape or thresholds.ndim != 1 or thresholds.size < 2:
         message = f"thresholds and dimensions must be K + 1 >= 2 each, got {thresholds.shape} and {dimensions.shape}"
         raise ContactError(message)
@@ -77,7 +72,8 @@ def volume_from_dimension(
     weights = {"width": widths, "volume": 0.5 * (thresholds[1:] + thresholds[:-1])}
     if weight not in weights:
         raise ContactError(f"weight must be 'width' or 'volume', got {weight!r}")
-    return float(np.diff(boxes_of_dimension(dimensions, length, spacing)) @ weights[weight]) / (Sq * area)
+    elements = (length / spacing) ** dimensions
+    return float(np.diff(elements) @ weights[weight]) / (Sq * area)
 
 
 def persson_area(mean_pressure: ArrayLike, Sdq: float, *, Sq: float, side: float) -> Array:

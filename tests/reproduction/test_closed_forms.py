@@ -113,14 +113,6 @@ def test_mean_displacement_is_the_mean(sides):
     assert closed_forms.rectangle_mean_displacement(sides, 2.0, 3.0) == pytest.approx(mean, rel=1e-6)
 
 
-def test_square_punch_is_the_limit_of_lattices():
-    compliance = 1.0 / closed_forms.square_punch(1.0, 1.0)
-    assert closed_forms.square_punch(2.0, 3.0, 5.0) == pytest.approx(30.0 / compliance, rel=1e-14)
-    # The error of a lattice is of first order in 1/N: extrapolate the known values at N = 129 and 257.
-    limit = (257 * 0.8689983 - 129 * 0.8701463) / 128
-    assert compliance == pytest.approx(limit, abs=2e-5)
-
-
 def gaussian_volume_by_quadrature(t):
     z = t - 12.0 * (NODES + 1.0) / 2.0
     return 6.0 * WEIGHTS @ ((t - z) * np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi))
@@ -154,10 +146,6 @@ def thresholds_and_dimensions(bins, length, spacing):
     thresholds = np.linspace(0.0, 1.0, bins + 1)
     inside = 0.1 + 0.9 * thresholds  # a tenth in contact
     return thresholds, np.log(inside * (length / spacing) ** 2) / np.log(length / spacing)
-
-
-def test_boxes_of_dimension():
-    np.testing.assert_allclose(formulas.boxes_of_dimension([0.0, 1.0, 2.0], 64.0, 0.5), [1.0, 128.0, 128.0**2])
 
 
 @pytest.mark.parametrize("bins", [1, 2, 10, 100])
@@ -201,7 +189,7 @@ test_refused = refusals(
     (lambda: closed_forms.hertz(0.0, 1.0), "indentation must be finite and positive, got 0.0"),
     (lambda: closed_forms.cone(1.0, -0.1), "slope"),
     (lambda: closed_forms.circular_punch(1.0, math.nan), "radius"),
-    (lambda: closed_forms.square_punch(1.0, math.inf), "side"),
+    (lambda: closed_forms.single_element_pressure(1.0, math.inf), "spacing"),
     (lambda: closed_forms.rectangle_displacement(0.0, 0.0, (1.0, 0.0)), "b must be"),
     (lambda: formulas.bearing_area_volume(0.0, "uniform"), "got 'uniform'"),
     (lambda: formulas.bearing_area_volume(0.0, area_fraction=1.2), r"\[0, 1\], got 1.2"),
