@@ -32,19 +32,9 @@ from roughvol.analysis.legs import first_leg
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
 from roughvol.observables.variables import AXES, QUANTITIES
-from roughvol.report.figures import ways
+from roughvol.report.figures import origin, ways
 from roughvol.report.figures.curves import plot, shown
 from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held, named, several
-from roughvol.report.figures.origin import (
-    dry_note,
-    fluid_note,
-    fluid_text,
-    lacking,
-    leg_note,
-    patch_note,
-    surfaces,
-    written,
-)
 from roughvol.report.figures.style import (
     GREY,
     LABELS,
@@ -126,14 +116,14 @@ def missing(name: str, runs: Sequence[Named]) -> str | None:
             if all(reasons):
                 if not any(variable in run.ready for variable in stored):  # any of them would do
                     wanted = [variable for variable in stored if variable.removesuffix("_dry") == variable]
-                    reasons = [lacking(name, run.ready, wanted or stored, joint=" or ")]
+                    reasons = [origin.lacking(name, run.ready, wanted or stored, joint=" or ")]
                 return f"{run.name}: {'; '.join(map(str, reasons))}"
     return None
 
 
 def _lacks(figure: str, ds: Dataset, variable: str) -> str | None:
     """Return why a figure of a variable cannot be drawn from a dataset, None if it can."""
-    return lacking(figure, ds, (_stored(ds, variable),))
+    return origin.lacking(figure, ds, (_stored(ds, variable),))
 
 
 def _stored(ds: Dataset, name: str) -> str:
@@ -165,10 +155,12 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
             _flow(ax, some, x, y, title)
             notes = []
             if y == "leak_rate":
-                notes = _fluids(ready, fluid_text, fluid_note(ready[0].dataset), "Pressure drop and viscosity differ")
+                notes = _fluids(
+                    ready, origin.fluid_text, origin.fluid_note(ready[0].dataset), "Pressure drop and viscosity differ"
+                )
             elif y == "gas_leak_rate" and (gas := gas_of(ready[0].dataset)):
                 notes = _fluids(ready, gas_of, [f"Gas: {gas}."], "Gases differ")
-            notes += patch_note([run.dataset for run in ready], (y,))
+            notes += origin.patch_note([run.dataset for run in ready], (y,))
         else:
             log = y_key in LOGARITHMIC
             members = [[_positive(curve) if log else curve for curve in curves(f, x, y)] for f in some]
@@ -177,7 +169,7 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
             if y_key in POWERS and x_key == "p":
                 ax.set_xscale("log")
                 plain_ticks(ax.xaxis)
-            notes = dry_note([run.dataset for run in ready])
+            notes = origin.dry_note([run.dataset for run in ready])
         fig.note(" ".join([_origin(ready, some), *notes]))
     return fig
 
@@ -244,11 +236,11 @@ def _origin(runs: Sequence[Named], some: Sequence[Family]) -> str:
     listed = ("; " if any(", " in name for name in names) else ", ").join(names)
     words = f"Run {of}: {listed}." if of else f"Runs {listed}."
     if len(runs) == 1:
-        words = f"Run {', '.join(filter(None, (of, names[0])))}: {surfaces(runs[0].dataset, shown(some))}."
+        words = f"Run {', '.join(filter(None, (of, names[0])))}: {origin.surfaces(runs[0].dataset, shown(some))}."
     elif len(runs) > MANY:
         words = f"Run {of}: " * bool(of) + f"{len(runs)} {'' if of else 'runs or '}combinations; the legend names them."
-    legs = (line for run in runs for line in leg_note(run.dataset, (P,)))
-    return " ".join([words, *dict.fromkeys((*legs, *(line for run in runs for line in written(run.dataset))))])
+    legs = (line for run in runs for line in origin.leg_note(run.dataset, (P,)))
+    return " ".join([words, *dict.fromkeys((*legs, *(line for run in runs for line in origin.written(run.dataset))))])
 
 
 def wrapped(label: str) -> str:
