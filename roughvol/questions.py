@@ -416,11 +416,10 @@ class Cards:
         """A page of each load and combination; of several height files, one together, and one of each at the load."""
         from roughvol.analysis.leak_budget import card_of, is_reached
         from roughvol.report.card_page import Page
-        from roughvol.report.card_text import Identity
 
         pages, changed = [], [word for change in self.changes for word in ("--set", change)]
         for ((load, words), runs), whole in zip(self.runs.items(), self.cards.values(), strict=True):
-            origin = Identity(self.study, shlex.join(["roughvol", "card", self.asked, "--at", load, *changed]))
+            command = shlex.join(["roughvol", "card", self.asked, "--at", load, *changed])
             several, names = len(runs) > 1, slugs(runs)
             single = {name: card_of([one], "", load) for name, one in runs.items() if several and is_reached(one.fine)}
             for name, shown in ({"": whole} | single).items():
@@ -428,7 +427,7 @@ class Cards:
                 before = map(slug, ("card", load, *self.varied, words))
                 stem = "_".join(filter(None, (*before, names.get(name, ""))))
                 fields = tuple(one.fine.dataset for key, one in runs.items() if name in ("", key))
-                pages.append(Page(replace(shown, title=title), fields, origin, stem))
+                pages.append(Page(replace(shown, title=title), fields, self.study, command, stem))
         return pages
 
     def write(self) -> list[Path]:

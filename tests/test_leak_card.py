@@ -16,11 +16,12 @@ from matplotlib.transforms import Bbox
 
 import roughvol
 from roughvol.analysis.average import average
-from roughvol.analysis.leak_card import Closing, Part, Way
+from roughvol.analysis.leak_card import Card, Closing, Part, Way
 from roughvol.analysis.tables import number
 from roughvol.campaign import card as card_runs
 from roughvol.campaign.case_surface import surface_of
-from roughvol.report import card_page, card_text
+from roughvol.questions import Cards
+from roughvol.report import card_page, card_text, terminal
 from roughvol.report.document import Document, Section
 from roughvol.report.figures import card_print, leak_card
 from roughvol.store import dataset
@@ -40,6 +41,7 @@ record: {{transport: {{percolation: every-step, transmissivity: every-step}}, {F
 PRESSED = SEAL.replace("to: percolation", "to: {pressure: 0.1 MPa}")
 GENERATED = "{D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: [1]}"
 AT = ("--at", "pressure=0.02 MPa")
+TO_CLOSING = "{steps: 4, to: percolation}"
 SHORT = "steps: 4, to: {pressure: 0.01 MPa}"
 LEAK_ENDS = "last: the leg ends at a leak rate, 1 mm^3/s, and so on each grid; allowed: a load"
 CLOSING = ("closing_pressure", "closing_pressure_interval")
@@ -63,6 +65,15 @@ def _pairs(printed: str) -> str:
     return re.sub(r"(?<=\S) {2,}", ": ", printed)
 
 
+def _computed(text: str, *at: str) -> Cards:
+    return roughvol.card(loads(text), at=at or "last", jobs=1)
+
+
+def _brief(cards: Cards, number: int = 0) -> str:
+    """Return a card as the terminal has it, with facts as ``name: value``."""
+    return _pairs("\n".join(terminal.lines(card_page.brief(cards.pages[number]))))
+
+
 def _maps(*heights: float, m: int = 4) -> None:
     for k, height in enumerate(heights):
         z = random_midpoint_displacement(2.2, m, seed=k).heights
@@ -71,13 +82,12 @@ def _maps(*heights: float, m: int = 4) -> None:
 
 def test_some_closed_surfaces_are_counted_as_0_with_a_median() -> None:
     """The three sweeps end closed at 0.147, 0.189 and 0.146 MPa."""
-    study, at = _study(SEAL.replace("[1]", "3")), "pressure=0.165 MPa"
-    printed = _printed(study, "--at", at)
+    found = _computed(SEAL.replace("[1]", "3"), "pressure=0.165 MPa")
+    printed, card = _brief(found), found.cards[""]
     line = next(line for line in printed.splitlines() if line.startswith("along x: "))
     assert re.search(r"[0-2] of 3 surfaces open", line)
     assert "its error is not known (grid)" in line  # 17 nodes have no coarser grid
-    assert "together: unknown" in _pairs(printed)
-    card = roughvol.card(study, at=at, jobs=1).cards[""]
+    assert "together: unknown" in printed
     ax = Figure().add_subplot()
     next(panel for panel in leak_card.panels(card) if "Parts" in panel.caption).draw(ax, card)
     assert "bars" not in leak_card.panels(card)[0].caption  # no error is known
@@ -87,16 +97,16 @@ def test_some_closed_surfaces_are_counted_as_0_with_a_median() -> None:
 
 
 def test_a_load_that_the_sweep_misses_by_rounding_has_its_card() -> None:
-    end, beyond = (_card(_study(PRESSED), "--at", f"pressure={p} MPa") for p in ("0.1", "0.1000005"))
-    for way, other in zip(end["ways"], beyond["ways"], strict=True):
-        assert other["leak"] == pytest.approx(way["leak"], rel=1e-4)
+    end, beyond = (_computed(PRESSED, f"pressure={p} MPa").cards[""] for p in ("0.1", "0.1000005"))
+    for way, other in zip(end.ways, beyond.ways, strict=True):
+        assert other.leak.value == pytest.approx(way.leak.value, rel=1e-4)
 
 
 def test_a_closed_joint_has_a_largest_leak(monkeypatch: pytest.MonkeyPatch) -> None:
     """The end of this sweep is the closing of the last way: the unsafe side is a finer grid."""
     monkeypatch.setattr(card_runs, "FEWEST_NODES", 16)
-    study = _study(SEAL.replace("m: 4", "m: 5"))
-    printed = _printed(study)
+    found = _computed(SEAL.replace("m: 4", "m: 5"))
+    printed = _brief(found)
     for axis in "xy":
         line = next(line for line in printed.splitlines() if line.startswith(f"along {axis}: "))
         assert re.search(r"closed on this grid, at most .*; tight above [\d.]+ MPa, between [\d.]+ and [\d.]+$", line)
@@ -104,10 +114,10 @@ def test_a_closed_joint_has_a_largest_leak(monkeypatch: pytest.MonkeyPatch) -> N
     assert "At twice the spacing: at " in printed
     assert "on a finer grid the way may be open" in printed
     assert "factors of the closing load" in printed
-    page = Path("runs/seal_card/card_last.html").read_text()
-    assert page.count("<figure") == 3  # closing loads in the place of an empty budget
-    assert "Closing loads on this grid" in page
-    for way in _card(study)["ways"]:
+    drawings = card_page.document(found.pages[0]).sections[1].drawings
+    assert len(drawings) == 3  # closing loads in the place of an empty budget
+    assert "Closing loads on this grid" in drawings[2].caption
+    for way in found.plain()["ways"]:
         low, high = way["closing_pressure_interval"]
         assert low < way["closing_pressure"] < high
         assert way["leak"] == way["leak_interval"][0] == 0.0
@@ -116,27 +126,22 @@ def test_a_closed_joint_has_a_largest_leak(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_a_card_has_the_mean_gap_in_the_unit_of_the_study() -> None:
     text = PRESSED.replace("L: 100 um", "L: 0.1 mm").replace("dimensional: {", "dimensional: {mean_gap: nm, ")
-    printed = _pairs(_printed(_study(text), *AT))
+    printed = _brief(_computed(text, "pressure=0.02 MPa"))
     found = re.search(r"Mean gap V\*: ([\d.]+) σ, ([\d.]+) nm", printed)
     assert float(found[2]) == pytest.approx(500.0 * float(found[1]), rel=1e-3)
 
 
-def test_the_table_of_cards_says_of_what_the_error_of_a_closed_way_is() -> None:
-    study, note = _study(SEAL), "The error of a closed way is that of its closing load."
-    assert note not in _printed(study, *AT, "--at", "pressure=0.01 MPa")
-    assert note in _printed(study, *AT, "--at", "pressure=2 MPa")
-
-
 def test_a_load_beyond_a_sweep_that_ended_closed_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
-    printed = _printed(_study(SEAL), "--at", "pressure=2 MPa")
-    found = re.findall(r"closed on this grid; tight above [\d.]+ MPa, its error is not known \(grid", printed)
-    assert len(found) == 2  # 17 nodes have no coarser grid
-    assert not re.search(r"Contact area|Mean gap", printed)  # the state is not known
+    cards = _computed(SEAL, "pressure=0.02 MPa", "pressure=2 MPa")
+    beyond, note = _brief(cards, 1), "The error of a closed way is that of its closing load."
+    closed = r"closed on this grid; tight above [\d.]+ MPa, its error is not known \(grid"
+    assert len(re.findall(closed, beyond)) == 2  # 17 nodes have no coarser grid
+    assert not re.search(r"Contact area|Mean gap", beyond)  # the state is not known
+    assert [note in card_page.table_of(pages).note for pages in (cards.pages[:1], cards.pages)] == [False, True]
     monkeypatch.setattr(card_runs, "FEWEST_NODES", 16)
-    study = _study(SEAL.replace("m: 4", "m: 5").replace("name: seal", "name: finer"))
-    for way in _card(study, "--at", "pressure=2 MPa")["ways"]:
-        beyond = way["closing_pressure_interval"][1] < 2.0
-        assert (way["leak_interval"] == [0.0, 0.0]) == beyond
+    for way in _computed(SEAL.replace("m: 4", "m: 5"), "pressure=2 MPa").plain()["ways"]:
+        beyond_interval = way["closing_pressure_interval"][1] < 2.0
+        assert (way["leak_interval"] == [0.0, 0.0]) == beyond_interval
 
 
 @pytest.mark.parametrize(("cut_off", "on_coarser"), [("3 um", [None, None]), ("7 um", ["7 um", None])])
@@ -149,26 +154,26 @@ def test_means_over_nodes_replace_a_filter_that_a_coarser_grid_cannot_hold(cut_o
 
 
 def test_the_window_of_a_sweep_far_beyond_closing_is_that_of_a_light_step() -> None:
-    study = _study(SEAL.replace("{steps: 4, to: percolation}", "{steps: 16, to: {pressure: 1 MPa}}"))
-    for way in _card(study)["ways"]:
+    for way in _computed(SEAL.replace(TO_CLOSING, "{steps: 16, to: {pressure: 1 MPa}}")).plain()["ways"]:
         assert way["closing_pressure"] < 1.0
         assert way["parts"]["window"] > 1.0
 
 
 def test_one_open_step_does_not_show_the_window() -> None:
-    np.save("s.npy", scipy.ndimage.gaussian_filter(np.random.default_rng(3).standard_normal((64, 64)), 2))
-    text = SEAL.replace(GENERATED, "{file: s.npy, L: 64 um, level: tilt}")
-    printed = _printed(_study(text.replace("{steps: 4, to: percolation}", "{steps: 6, to: {pressure: 1 MPa}}")))
-    assert printed.count("the map is open at one step alone, 0.1391 MPa") == 2
+    np.save("s.npy", scipy.ndimage.gaussian_filter(np.random.default_rng(3).standard_normal((32, 32)), 2))
+    text = SEAL.replace(GENERATED, "{file: s.npy, L: 32 um, level: tilt}")
+    printed = _brief(_computed(text.replace(TO_CLOSING, "{steps: 6, to: {pressure: 0.5 MPa}}")))
+    assert len(re.findall(r"the map is open at one step alone, 0\.\d+ MPa", printed)) == 2
 
 
-def test_a_starred_load_and_its_nominal_pressure_have_one_card() -> None:
+def test_a_starred_load_and_its_nominal_pressure_have_one_card(monkeypatch: pytest.MonkeyPatch) -> None:
     """The coarser grids of this surface have another Sq."""
-    spectrum = SEAL.replace(GENERATED, "{H: 0.3, n: 64, L: 100 um, Sq: 0.5 um, seeds: [1], sides: periodic}")
+    monkeypatch.setattr(card_runs, "FEWEST_NODES", 15)
+    spectrum = SEAL.replace(GENERATED, "{H: 0.3, n: 32, L: 100 um, Sq: 0.5 um, seeds: [1], sides: periodic}")
     found = []
     for end, at in (("0.1 MPa", "0.05 MPa"), ("2", "1")):  # p* = 1 is 0.05 MPa
-        text = spectrum.replace("to: percolation", f"to: {{pressure: {end}}}")
-        found.append(_card(_study(text), "--at", f"pressure={at}")["ways"])
+        cards = _computed(spectrum.replace("to: percolation", f"to: {{pressure: {end}}}"), f"pressure={at}")
+        found.append(cards.plain()["ways"])
     for one, other in zip(*found, strict=True):
         assert one["parts"] == pytest.approx(other["parts"], rel=1e-4)
         assert one["leak_interval"] == pytest.approx(other["leak_interval"], rel=1e-4)
@@ -212,13 +217,16 @@ def test_a_plane_is_called_flat_and_has_no_card() -> None:
 
 
 @pytest.mark.parametrize(("separation", "grids"), [(7.7, 0), (2.7, 2)])
-def test_a_card_says_which_of_its_other_runs_failed(separation: float, grids: int) -> None:
-    z = np.random.default_rng(0).standard_normal((64, 64))
-    z[20:22, 20] = 8.0  # means over 2 x 2 nodes halve this peak and the others
+def test_a_card_says_which_of_its_other_runs_failed(
+    separation: float, grids: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(card_runs, "FEWEST_NODES", 15)
+    z = np.random.default_rng(0).standard_normal((32, 32))
+    z[20:22, 20:22] = 8.0, -1.0  # means over 2 x 2 nodes halve this peak and the others
     np.savetxt("face0.txt", z, header="heights in um")
     text = SEAL.replace(GENERATED, "{file: face0.txt, L: 100 um, level: mean}")
-    study = _study(text.replace("to: percolation", f"to: {{separation: {separation}}}"))
-    for way in roughvol.card(study, jobs=1).cards[""].ways:
+    cards = _computed(text.replace("to: percolation", f"to: {{separation: {separation}}}"))
+    for way in cards.cards[""].ways:
         assert len(way.coarser) == grids
         parts = {part.name: part for part in way.parts}
         assert list(parts) == ["solver", "grid", "window", "levelling"]
@@ -254,8 +262,8 @@ def test_maps_whose_names_differ_in_a_blank_or_an_umlaut_have_a_card_each() -> N
     for k, name in enumerate(files):
         Path(f"face{k}.txt").rename(name)
     surface = f"{{files: {files}, L: 100 um, sides: periodic}}"
-    found = roughvol.card(loads(PRESSED.replace(GENERATED, surface).replace("steps: 4", "steps: 2")), jobs=1)
-    assert len({path.name for path in found.write()}) == len(files) + 2  # of all, and a table
+    found = _computed(PRESSED.replace(GENERATED, surface).replace("steps: 4", "steps: 1"))
+    assert len({page.stem for page in found.pages}) == len(files) + 1  # of all
     assert [runs.fine.dataset["case"].item() for runs in next(iter(found.runs.values())).values()] == files
 
 
@@ -270,7 +278,7 @@ def test_a_page_in_another_encoding_is_not_overwritten() -> None:
 
 def test_the_table_of_cards_of_a_gas_alone_has_the_leak_of_the_gas() -> None:
     Path("gas.yaml").write_text(
-        "surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: [1]}\nmaterial: {E: [6 MPa, 12 MPa], nu: 0.5}\n"
+        "surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: [1]}\nmaterial: {E: 6 MPa, nu: 0.5}\n"
         "sweep: {pressures: [0.01 MPa, 0.03 MPa]}\nfluid: {gas: helium, inlet: 100 mbar, outlet: 0 mbar}\n"
         "record: {transport: {gas_flow: every-step}, dimensional: {gas_leak_rate: sccm, pressure: MPa}}\n"
         "seal: {length: 3 mm, width: 0.2 mm}",
@@ -288,9 +296,8 @@ def test_the_table_of_cards_of_a_gas_alone_has_the_leak_of_the_gas() -> None:
 
 def test_a_card_has_the_second_body_as_the_study_gives_it() -> None:
     material = "{E: 10 MPa, nu: 0.5, against: {E: 200 GPa, nu: 0.3}}"
-    study = _study(SEAL.replace("{E_star: 10 MPa}", material))
-    facts = dict(card_text.rests_on(roughvol.card(study, "pressure=0.02 MPa", jobs=1).pages[0].fine)[0])
-    assert facts["Material"] == "E 10 MPa, nu 0.5, against {E: 200 GPa, nu: 0.3}"
+    page = _computed(SEAL.replace("{E_star: 10 MPa}", material), "pressure=0.02 MPa").pages[0]
+    assert dict(card_text.rests_on(page.fine)[0])["Material"] == "E 10 MPa, nu 0.5, against {E: 200 GPa, nu: 0.3}"
 
 
 def test_a_variation_of_a_study_has_a_card_of_its_own() -> None:
@@ -309,8 +316,7 @@ def test_a_closed_way_has_an_interval_where_its_largest_leak_is_known(most: floa
 
 
 def test_the_quadrants_of_a_closed_map_have_no_scatter() -> None:
-    study = _study(SEAL.replace("{steps: 4, to: percolation}", "{pressures: [0.4 MPa, 0.6 MPa]}"))
-    for way in roughvol.card(study, jobs=1).cards[""].ways:
+    for way in _computed(SEAL.replace(TO_CLOSING, "{pressures: [0.4 MPa, 0.6 MPa]}")).cards[""].ways:
         (window,) = (part for part in way.parts if part.name == "window")
         assert not window.known
         assert window.words.startswith("the map is closed at ")
@@ -390,12 +396,8 @@ def test_a_card_of_a_changed_study_leaves_the_first_and_its_runs_until_fresh_is_
 @pytest.mark.layout
 def test_the_print_keeps_its_text_on_the_page() -> None:
     """Every text of the page of print lies inside the margins, measured as it is drawn."""
-    path = _study(PRESSED.replace("[1]", "3"))
-    found = roughvol.card(path, jobs=1)
-    (runs,) = found.runs.values()
-    fine = tuple(one.fine.dataset for one in runs.values())
-    identity = card_text.Identity(roughvol.load(path), f"roughvol card {'long/' * 60}")
-    page = card_page.Page(found.cards[""], fine, identity, "card")
+    found = _computed(PRESSED.replace("[1]", "3"))
+    page = replace(found.pages[0], command=f"roughvol card {'long/' * 60}")
     fig = card_print.page_of(page.card, card_page.document(page))
     assert len(fig.texts) > 40
     for text, box in zip(fig.texts, _boxes(fig), strict=True):
@@ -409,17 +411,21 @@ def _boxes(fig: Figure) -> list[Bbox]:
     return [text.get_window_extent(renderer).transformed(fig.transFigure.inverted()) for text in fig.texts]
 
 
+@pytest.fixture(scope="module")
+def pressed(tmp_path_factory: pytest.TempPathFactory) -> Card:
+    return roughvol.card(loads(PRESSED), jobs=1, out=tmp_path_factory.mktemp("pressed")).cards[""]
+
+
 @pytest.mark.layout
 @pytest.mark.parametrize(
     ("words", "shown"), [(15, "the last fact"), (150, "3 on the page of HTML"), (400, "The rest is on")]
 )
-def test_the_print_ends_on_the_page_whatever_it_has(words: int, shown: str) -> None:
+def test_the_print_ends_on_the_page_whatever_it_has(words: int, shown: str, pressed: Card) -> None:
     """Long facts take smaller type, then the place of limits; at last a sentence leads to the page of HTML."""
-    card = roughvol.card(_study(PRESSED), jobs=1).cards[""]
     limits = tuple(f"surface {k}: {'a limit that is exceeded by much; ' * 5}" for k in range(3))
     facts = (*[(f"fact {k}", "a word " * words) for k in range(10)], ("identity", "the last fact"))
     parts = Section("Limits", sections=(Section(kind="warnings", items=limits),)), Section("Facts", facts=facts)
-    fig = card_print.page_of(card, Document("A card", sections=parts))
+    fig = card_print.page_of(pressed, Document("A card", sections=parts))
     assert min(box.y0 for box in _boxes(fig)) > 0.0
     assert any(shown in text.get_text() for text in fig.texts)
 
@@ -431,15 +437,14 @@ def test_a_card_of_several_files_names_the_files_of_what_differs() -> None:
         z[3, 4] = np.nan if name == "face2.txt" else z[3, 4]
         np.savetxt(name, z, header="heights in nm")
     files = "{files: [face0.txt, face1.txt, face2.txt], L: 100 um, level: tilt, missing: interpolate}"
-    found = roughvol.card(_study(SEAL.replace(GENERATED, files)), at="pressure=0.02 MPa", jobs=1)
-    (runs,) = found.runs.values()
-    facts = dict(card_text.rests_on([one.fine.dataset for one in runs.values()])[0])
+    page = _computed(PRESSED.replace(GENERATED, files).replace("steps: 4", "steps: 1")).pages[0]
+    facts = dict(card_text.rests_on(page.fine)[0])
     filled = "missing heights filled with the mean of their neighbours"
     units = "face0.txt: numbers of the file are in µm; face1.txt, face2.txt: numbers of the file are in nm"
     assert facts["Treatment"] == f"least-squares tilt of the known heights subtracted; {filled}; {units}"
     assert facts["Missing heights"] == "face0.txt, face1.txt: none; face2.txt: 0.35% of the nodes, 1 node, filled"
     assert facts["Nodes"] == "17 x 17, 6.25 µm apart"
-    assert facts["Sweep"] == "4 steps to percolation"
+    assert facts["Sweep"] == "1 step to pressure=0.1 MPa"
 
 
 def test_a_page_has_what_the_numbers_rest_on() -> None:
@@ -471,9 +476,9 @@ def test_fluid_pressure_gives_the_lifted_leak_with_the_dry_leak_named() -> None:
     text = PRESSED.replace("[1]", "[1], sides: periodic").replace("name: seal", "name: lift")
     text = text.replace("5 mbar", "0.4 bar")
     ran("lift", text.replace(", dimensional", ", fluid_pressure: {inlet: 0.4 bar}, dimensional"))
-    study = "lift.yaml"
     stored = dataset.read(Path("runs/lift/study.nc")).isel(D=0, m=0, seed=0, fluid_at=0)
-    printed = _pairs(_printed(study))
+    found = roughvol.card("lift.yaml", jobs=1)
+    printed = _brief(found)
     dry = card_text.short(stored["leak_rate"].sel(axis="x").isel(step=-1).item())
     assert f"Leak of the dry gap, without fluid pressure: x {dry}" in printed
     area = number(stored["contact_area_fraction"].isel(step=-1).item())
@@ -482,8 +487,8 @@ def test_fluid_pressure_gives_the_lifted_leak_with_the_dry_leak_named() -> None:
     assert "Leak rate: pressure drop 0.4 bar, viscosity 1 mPa*s" in printed
     assert "Fluid pressure: inlet 0.4 bar" in printed
     assert "warning: the mean pressure of the fluid is " in printed
-    assert "record.fluid_pressure computes it" not in Path("runs/lift_card/card_last.html").read_text()
-    drawn, ax = roughvol.card(study, jobs=1).cards[""], Figure().add_subplot()
+    assert "record.fluid_pressure computes it" not in found.write()[0].read_text()
+    drawn, ax = found.cards[""], Figure().add_subplot()
     way = drawn.ways[0]
     small = replace(drawn, ways=(replace(way, leak=replace(way.leak, value=1e-11)), *drawn.ways[1:]))
     leak_card.panels(small)[0].draw(ax, small)
@@ -492,8 +497,7 @@ def test_fluid_pressure_gives_the_lifted_leak_with_the_dry_leak_named() -> None:
 
 def test_an_interval_without_bounds_leaves_the_curve_of_a_card_to_be_read() -> None:
     """Two surfaces far apart: the interval of their mean by t reaches 1e6 times farther than the loads of the sweep."""
-    study = _study(SEAL.replace("m: 4", "m: 5").replace("[1]", "2"))
-    card = roughvol.card(study, at="pressure=0.02 MPa", jobs=1).cards[""]
+    card = _computed(SEAL.replace("m: 4", "m: 5").replace("[1]", "2"), "pressure=0.02 MPa").cards[""]
     wide = Part("window", 1e6, "of two surfaces")
     ways = tuple(replace(way, parts=(wide,), closing=replace(way.closing, parts=(wide,))) for way in card.ways)
     wild = replace(card, ways=ways)
@@ -510,14 +514,13 @@ def test_an_interval_without_bounds_leaves_the_curve_of_a_card_to_be_read() -> N
 def test_the_second_leg_of_a_path_has_a_card() -> None:
     text = SEAL.replace("{E_star: 10 MPa}", "{E: 200 GPa, nu: 0.3, hardness: 5 GPa}")
     legs = "[{steps: 3, to: {pressure: 1}}, {steps: 2, to: {pressure: 0.1}}]"
-    study = _study(text.replace("{steps: 4, to: percolation}", legs))
-    loads = ("--at", "pressure=0.3", "--at", "pressure=0.3, leg 2")
-    up, down = (card["ways"][1]["leak"] for card in _card(study, *loads).values())
+    study = _study(text.replace(TO_CLOSING, legs))
+    found = roughvol.card(study, at=("pressure=0.3", "pressure=0.3, leg 2"), jobs=1)
+    up, down = (card.ways[1].leak.value for card in found.cards.values())
     assert down < up
-    printed = _printed(study, *loads)
-    page = Path("runs/seal_card/card_pressure=0.3_leg_2.html").read_text()
+    page = found.write()[1].read_text()
     for words in ("(p* = 0.3) on leg 2", "on leg 1 "):
-        assert words in printed
+        assert words in _brief(found, 1)
         assert words in page
     assert "; on leg 1 open up to " in page
     assert re.search(r"against load on leg 1[;.]", page)
@@ -605,12 +608,12 @@ def test_a_map_that_is_not_pressed_to_the_load_is_counted_and_has_no_card() -> N
     _maps(0.2, 0.6)
     lift = "fluid_pressure: {inlet: 5 mbar, coupling: one-way}, dimensional"
     surface = '{files: "face*.txt", L: 100 um, sides: periodic}'  # a period has no other levelling
-    study = _study(SEAL.replace(GENERATED, surface).replace("dimensional", lift))
-    printed = _printed(study, "--at", "pressure=0.11 MPa")  # the sweeps end at 0.09 and 0.48 MPa
+    text = SEAL.replace(GENERATED, surface).replace("dimensional", lift)
+    found = _computed(text, "pressure=0.11 MPa")  # the sweeps end at 0.09 and 0.48 MPa
+    printed = _brief(found)
     assert printed.count("1 not pressed to this load") == 2
     assert "mm³/s" in printed
     assert "T* V*³" not in printed
-    assert not list(Path("runs/seal_card").glob("*face0*"))
-    assert len(list(Path("runs/seal_card").glob("*face1.txt.html"))) == 1
+    assert [page.stem for page in found.pages] == [f"card_pressure=0.11_MPa{name}" for name in ("", "_face1.txt")]
     words = "the sweep ends before pressure=9 MPa, and the fluid may open the way again: press farther"
-    assert words in refused("card", study, "--at", "pressure=9 MPa", "--jobs", "1")
+    assert words in refused("card", _study(text), "--at", "pressure=9 MPa", "--jobs", "1")

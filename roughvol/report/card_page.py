@@ -14,10 +14,10 @@ from roughvol.analysis.closing import LOADS
 from roughvol.analysis.leak_card import Card, SealLeak, Way
 from roughvol.analysis.tables import Table, number
 from roughvol.report import card_text, html
-from roughvol.report.card_text import Identity
 from roughvol.report.document import Document, Drawing, Section
 from roughvol.report.figures import card_print, leak_card
 from roughvol.store import stamped_file
+from roughvol.study import Study
 
 NARROW = "\u00a0"  # keeps a factor on one line
 NONE_EXCEEDED = "No limit of the model is exceeded among those compared."
@@ -34,14 +34,15 @@ class Page:
 
     card: Card
     fine: tuple[Dataset, ...]
-    identity: Identity
+    study: Study
+    command: str
     stem: str
 
 
 def write(page: Page, folder: Path) -> Path:
     """Write a card as HTML and PDF, and return the path of the first; the card of another study is not overwritten."""
     path, shown = folder / f"{page.stem}.html", document(page)
-    study = card_text.digest(page.identity)
+    study = card_text.digest(page.study)
     if path.exists() and study.encode() not in path.read_bytes():
         path = path.with_name(f"{page.stem}_{study}.html")
     stamped_file.write(path, html.render(shown).encode())
@@ -68,7 +69,7 @@ def document(page: Page) -> Document:
         *([Section("Surfaces", tables=(card_text.surfaces(card),))] if len(card.surfaces) > 1 else []),
         Section("What the card rests on", facts=(*card_text.load_facts(card), *facts)),
         Section("Limits of the model, over the states of the sweep", sections=(limits, *held)),
-        Section("Identity", facts=tuple(card_text.identity(page.fine, page.identity))),
+        Section("Identity", facts=tuple(card_text.identity(page.fine, page.study, page.command))),
     ]
     return Document(f"Leak card: {card.title}", sections=tuple(parts))
 
@@ -110,30 +111,36 @@ def brief(page: Page) -> Section:
 
 def table_of(pages: Sequence[Page]) -> Table:
     """Return several cards beside each other."""
-    ways, gases = pages[0].card.ways, card_text.gases(pages[0].card)
-    unit = card_text.in_brackets(ways[0].unit) or f" T* V*³{f' {card_text.OF_LIQUID}' * bool(gases)}"
-    rows = []
-    for page in pages:
-        card = page.card
-        row = [card.title, str(len(card.surfaces)), card_text.load_of(card)]
-        for way in card.ways:
-            row += [card_text.short(way.leak.value), card_text.factor(way.factor, way.smaller), way.closing.short]
-        row += [card_text.short(leak.value) for gas in card_text.gases(card) for leak in gas.leaks]
-        if (seal := card.seal) is not None:
-            known = math.isfinite(seal.closing)
-            tight = f"{number(seal.closing)} {seal.load_unit}".strip() if known else card_text.short(seal.closing)
-            row += [card_text.short(seal.leak), card_text.factor(seal.factor, seal.smaller), tight]
-            row += [card_text.short(seal.gas_leak)] if seal.gas_unit else []
-        rows.append(tuple(row))
-    heads = [head for way in ways for head in (f"leak {way.axis}{unit}", "error", f"{way.axis} closes")]
-    heads += [f"leak of the gas {way.axis}{card_text.in_brackets(gas.unit)}" for gas in gases for way in ways]
-    if (seal := pages[0].card.seal) is not None:
-        heads += [f"leak of the seal{unit}", "error", "seal closes"]
-        heads += [f"leak of the gas, seal{card_text.in_brackets(seal.gas_unit)}"] if seal.gas_unit else []
+    rows = [tuple(_cells(page.card)) for page in pages]
     note = "The leak of several surfaces is their median."
     if any(way.leak.value == 0.0 for page in pages for way in page.card.ways):
         note += " The error of a closed way is that of its closing load."
-    return Table("Cards", ("card", "surfaces", "load", *heads), tuple(rows), note)
+    return Table(
+        "Cards", tuple(head for head, _ in rows[0]), tuple(tuple(cell for _, cell in row) for row in rows), note
+    )
+
+
+def _cells(card: Card) -> Iterator[tuple[str, str]]:
+    """Yield the head of each column of the table of cards, and what a card has there."""
+    short, gases = card_text.short, card_text.gases(card)
+    unit = card_text.in_brackets(card.ways[0].unit) or f" T* V*³{f' {card_text.OF_LIQUID}' * bool(gases)}"
+    yield "card", card.title
+    yield "surfaces", str(len(card.surfaces))
+    yield "load", card_text.load_of(card)
+    for way in card.ways:
+        yield f"leak {way.axis}{unit}", short(way.leak.value)
+        yield "error", card_text.factor(way.factor, way.smaller)
+        yield f"{way.axis} closes", way.closing.short
+    for gas in gases:
+        for way, leak in zip(card.ways, gas.leaks, strict=True):
+            yield f"leak of the gas {way.axis}{card_text.in_brackets(gas.unit)}", short(leak.value)
+    if (seal := card.seal) is not None:
+        known = math.isfinite(seal.closing)
+        yield f"leak of the seal{unit}", short(seal.leak)
+        yield "error", card_text.factor(seal.factor, seal.smaller)
+        yield "seal closes", f"{number(seal.closing)} {seal.load_unit}".strip() if known else short(seal.closing)
+        if seal.gas_unit:
+            yield f"leak of the gas, seal{card_text.in_brackets(seal.gas_unit)}", short(seal.gas_leak)
 
 
 def numbers_of(pages: Sequence[Page]) -> list[tuple[Any, ...]]:

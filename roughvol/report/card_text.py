@@ -6,7 +6,6 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 from xarray import Dataset
 
@@ -36,14 +35,6 @@ NOT_OF_A_CARD = ("File", "States", "Comment", "Seal")  # facts of a run that a c
 FLUID = ("Leak rate", "Fluid pressure", "Gas")  # facts of the flow, which a terminal shows too
 OF_EACH = ("Nodes", "Size", "Treatment", "Missing heights")  # facts of several files that stand beside each other
 NAMED = 60  # most letters of the files of a fact that are named
-
-
-@dataclass(frozen=True)
-class Identity:
-    """The origin of a card: the study as the user wrote it, and the command that writes the card."""
-
-    study: Study
-    command: str
 
 
 def amount(leak: float, unit: str, interval: tuple[float, float] = (math.nan, math.nan)) -> str:
@@ -376,18 +367,18 @@ def _material(run: Run) -> Iterator[tuple[str, str]]:
         yield "Material", ", ".join(f"{name} {inline(value)}" for name, value in given.items()) or "E* 1"
 
 
-def identity(fine: Sequence[Dataset], origin: Identity) -> list[tuple[str, str]]:
+def identity(fine: Sequence[Dataset], study: Study, command: str) -> list[tuple[str, str]]:
     """Return study, files, version, date and command of a card."""
     files = [body for ds in fine for body in json.loads(str(ds.attrs.get("height_files", "[]")))]
     computed = {f"{str(ds.attrs.get('date', ''))[:10]}, roughvol {ds.attrs.get('roughvol_version', '')}" for ds in fine}
     return [
-        ("Study", f"{origin.study.name}, sha256 {digest(origin)}"),
+        ("Study", f"{study.name}, sha256 {digest(study)}"),
         *((f"File {body['file']}", f"sha256 {body['sha256'][:DIGITS]}") for body in files),
         ("Computed", "; ".join(sorted(computed))),
-        ("Command", origin.command),
+        ("Command", command),
     ]
 
 
-def digest(origin: Identity) -> str:
+def digest(study: Study) -> str:
     """Return the sha256 of a study as a card shows it."""
-    return digest_of(origin.study.stored())[:DIGITS]
+    return digest_of(study.stored())[:DIGITS]

@@ -59,7 +59,8 @@ A, P, V = "contact_area_fraction", "mean_pressure", "free_volume"
 
 def width_of(text: str, size: float, family: Sequence[str], weight: str = "normal") -> float:
     """Return the width of a text in type of a size [points]."""
-    return size * sum(_advance(letter, tuple(family), weight) for letter in text)
+    fonts = tuple(family)
+    return size * sum(_advance(letter, fonts, weight) for letter in text)
 
 
 @functools.cache
