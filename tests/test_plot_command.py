@@ -1,6 +1,7 @@
 """The command `plot`: what does not apply is named and stops nothing, points have the labels of their surfaces."""
 
 import csv
+from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib as mpl
@@ -215,8 +216,8 @@ def test_points_are_those_of_curves_and_not_of_lines_across_the_axes(tmp_path: P
     assert not any(row["curve"].startswith("line") for row in rows)
 
 
-def _note(run: str, name: str) -> str:
-    return " ".join(roughvol.plot(run, name).get_supxlabel().split())
+def _note(run: str, name: str, changes: Sequence[str] = ()) -> str:
+    return " ".join(roughvol.plot(run, name, changes=changes).get_supxlabel().split())
 
 
 def _title(run: str, name: str) -> str:
@@ -251,14 +252,13 @@ def test_a_leak_in_a_figure_has_its_pressure_drop_and_viscosity() -> None:
 
 
 def test_a_figure_of_leaks_says_that_they_are_those_of_a_patch_of_a_seal() -> None:
-    for run, text in (("sealed", TWO), ("sealed_loops", LOOPS)):
-        ran(run, f"{text}seal: {{length: 12 mm, width: 1 mm}}\n")
-    title = roughvol.plot("sealed_loops", "path_loops").legends[0].get_title().get_text()
+    seal = ["seal={length: 12 mm, width: 1 mm}"]  # no part of a case
+    title = roughvol.plot("loops", "path_loops", changes=seal).legends[0].get_title().get_text()
     assert title.endswith("; the leak of a patch, not of the seal")
     for name in ("leak_of_p", "seal_leak_rate"):
-        assert "The leak of a patch, not of the seal." in _note("sealed", name)
+        assert "The leak of a patch, not of the seal." in _note("leaking", name, seal)
         assert "seal." not in _note("leaking", name)
-    assert "seal." not in _note("sealed", "flow_of_p")
+    assert "seal." not in _note("leaking", "flow_of_p", seal)
 
 
 def test_every_figure_of_the_first_leg_of_a_path_says_so() -> None:

@@ -1,6 +1,5 @@
 """Figures from Python: by name, of one run or several, shown by a notebook."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,12 +21,6 @@ def test_a_figure_is_drawn_from_a_dataset_a_file_a_folder_and_what_press_returns
 ) -> None:
     for results in (dataset.read(small_study), small_study, str(small_study.parent), pressed):
         assert roughvol.plot(results, "v_of_p").axes[0].lines
-
-
-@pytest.mark.parametrize("ask", [roughvol.show, roughvol.ask])
-def test_another_object_in_place_of_a_run_is_refused(ask: Callable[[object], object]) -> None:
-    with pytest.raises(roughvol.errors.DatasetError, match=r"a run is a name, a path or a dataset, given .* dict"):
-        ask({"surface": {"D": 2.3, "m": 4}})
 
 
 def test_runs_are_overlaid_and_named(pressed: Dataset) -> None:

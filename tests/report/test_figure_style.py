@@ -107,6 +107,7 @@ def curve() -> xr.Dataset:
 
 def test_text_stays_text_in_every_format(curve: xr.Dataset, tmp_path: Path) -> None:
     figure = FIGURES["fig04a"](curve)
+    figure.set_layout_engine(None)
     for suffix in ("pdf", "svg", "eps"):
         figure.savefig(tmp_path / f"fig04a.{suffix}")
     pdf, svg = (tmp_path / "fig04a.pdf").read_bytes(), (tmp_path / "fig04a.svg").read_text(encoding="utf-8")
