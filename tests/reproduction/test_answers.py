@@ -1,11 +1,13 @@
 """Statements judged by ten seeds and by an ensemble."""
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from roughvol.analysis.stored_run import Run
+from roughvol.ensemble import design, step_error
 from roughvol.report.run_facts import facts
 from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.ensemble_means import HEAD, answers
@@ -18,13 +20,16 @@ TEXT = """
 name: trial
 surface: {D: [2.1, 2.9], m: 3}
 sweep: {steps: 6, to: {separation: -0.1}}
-ensemble: {accuracy: {free_volume: 12 %, contact_area: 30 %}, at: {pressure: 0.1, separation: 0}}
+ensemble: {accuracy: {free_volume: 12 %, contact_area: 0.1}, at: {pressure: 0.1, separation: 0}}
 """
 
 
 @pytest.fixture(scope="module")
-def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return kit.stored(tmp_path_factory.mktemp("answers"), trial=TEXT)["trial"]
+def file(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(design, "PILOT", 8)
+        patch.setattr(step_error, "SURFACES", 8)
+        yield kit.stored(tmp_path_factory.mktemp("answers"), trial=TEXT)["trial"]
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +63,7 @@ def test_the_report_has_every_sentence_of_an_ensemble(results: Dataset) -> None:
     remarks = ["the error between steps of free_volume: take more sweep.steps", "stopped by the budget of 1 s"]
     found = facts(Run.of("trial", results.assign_attrs(answer="\n".join([*lines, *remarks]))))
     loading = dict(found.loading)
-    assert lines[-1] == "6 steps a sweep; the errors between them are those of 24 trial surfaces with more steps"
+    assert lines[-1] == "6 steps a sweep; the errors between them are those of 8 trial surfaces with more steps"
     assert loading["Ensemble"] == "; ".join([lines[-1], *remarks])
     assert all(loading[line.split(": ")[0]] == line.split(": ", 1)[1] for line in lines[:-1])
     assert "Ensemble" not in dict(facts(Run.of("seeds", results.assign_attrs(answer=""))).loading)

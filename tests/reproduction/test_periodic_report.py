@@ -14,17 +14,15 @@ from roughvol.store import dataset
 from tests.reproduction import kit
 
 RECORD = """
-sweep: {steps: 3, to: {contact_area: 0.5}}
-record:
-  heights: true
   fields_at: last
   psd: {at: last}
   transport: {percolation: every-step, transmissivity: every-step, constriction: last, estimates: last}
 """
 
 
-def _run(surface: str, folder: Path) -> ClaimRun:
-    return ClaimRun.of("other", dataset.read(kit.stored(folder, other=f"surface: {{{surface}}}\n{RECORD}")["other"]))
+def _run(surface: str, folder: Path, record: str = "") -> ClaimRun:
+    text = f"surface: {{{surface}}}\nsweep: {{steps: 3, to: {{contact_area: 0.5}}}}\nrecord:\n  heights: true{record}"
+    return ClaimRun.of("other", dataset.read(kit.stored(folder, other=text)["other"]))
 
 
 @pytest.mark.parametrize(
@@ -43,7 +41,7 @@ def test_surfaces_of_another_origin_are_none_of_the_paper(surface: str, origin: 
 
 
 def test_a_report_has_every_figure_but_that_of_the_recursion(tmp_path: Path) -> None:
-    run = _run("D: [2.3, 2.6], m: 3, seeds: 2, sides: periodic", tmp_path)
+    run = _run("D: [2.3, 2.6], m: 3, seeds: 2, sides: periodic", tmp_path, RECORD)
     page = kit.to_html(report_of(judge([tmp_path / "other" / "study.nc"])))
     drawn = {name for name, figure in ALL.items() if figure.missing(run.dataset) is None}
     assert "fig01" not in drawn

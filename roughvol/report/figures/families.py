@@ -126,8 +126,8 @@ def own(field: DataArray) -> DataArray:
 
 def curves(family: Family, x: str, y: str) -> list[Curve]:
     """Return y(x) of each surface at its computed states, in the order of x."""
-    surfaces = [family.data.isel(seed=seed) for seed in range(family.surfaces)]
-    pairs = [np.array([surface[x].values, surface[y].values]) for surface in surfaces]
+    every = (family.data[name].transpose("seed", ...).values for name in (x, y))
+    pairs = [np.array(pair) for pair in zip(*every, strict=True)]
     finite = [pair[:, np.isfinite(pair).all(axis=0)] for pair in pairs]
     return [(pair[0][order], pair[1][order]) for pair in finite for order in [np.argsort(pair[0], kind="stable")]]
 
