@@ -11,17 +11,6 @@ from matplotlib import font_manager
 
 from roughvol.errors import DatasetError
 from roughvol.report.figures import style
-from roughvol.report.figures.style import (
-    CONTACT,
-    GREY,
-    STYLE,
-    lightness,
-    looks,
-    luminance,
-    unit_text,
-    width_of,
-    wrapped,
-)
 from roughvol.reproduction.figures.conditions import ACCENT, SECOND
 from roughvol.reproduction.figures.registry import FIGURES
 
@@ -47,26 +36,26 @@ def _lab(colour: object, seen: object = np.eye(3)) -> np.ndarray:
 
 def contrast(colour: object) -> float:
     """Return the contrast of a colour against white, 1 to 21."""
-    return 1.05 / (float(luminance(colour)[0]) + 0.05)
+    return 1.05 / (float(style.luminance(colour)[0]) + 0.05)
 
 
 def test_contrast_is_that_of_the_standard() -> None:
     assert contrast("k") == pytest.approx(21.0)
     assert contrast("w") == pytest.approx(1.0)
     assert contrast("#777777") == pytest.approx(4.48, abs=0.01)  # the example that every checker has
-    assert lightness("#777777") == pytest.approx(50.0, abs=0.1)
-    assert lightness("k") == 0.0
+    assert style.lightness("#777777") == pytest.approx(50.0, abs=0.1)
+    assert style.lightness("k") == 0.0
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5, 6, 10])
 def test_every_line_colour_is_seen_on_white(count: int) -> None:
-    colours = [look["color"] for look in looks(count)]
-    assert min(map(contrast, (*colours, ACCENT, SECOND, GREY, CONTACT))) >= LEAST_CONTRAST
+    colours = [look["color"] for look in style.looks(count)]
+    assert min(map(contrast, (*colours, ACCENT, SECOND, style.GREY, style.CONTACT))) >= LEAST_CONTRAST
 
 
 @pytest.mark.parametrize("count", [2, 3, 5, 6, 10])
 def test_colours_are_in_equal_steps_of_grey(count: int) -> None:
-    grey = lightness([look["color"] for look in looks(count)])
+    grey = style.lightness([look["color"] for look in style.looks(count)])
     assert np.all(np.diff(grey) > 0.0)
     assert np.diff(grey).min() > 0.9 * (grey[-1] - grey[0]) / (count - 1)
     assert grey[-1] - grey[0] > 45.0
@@ -74,7 +63,7 @@ def test_colours_are_in_equal_steps_of_grey(count: int) -> None:
 
 @pytest.mark.parametrize("seen", BLIND)
 def test_neighbours_are_told_apart_by_the_colour_blind(seen: str) -> None:
-    colours = [_lab(look["color"], BLIND[seen]) for look in looks(6)]
+    colours = [_lab(look["color"], BLIND[seen]) for look in style.looks(6)]
     differences = [np.linalg.norm(one - other) for k, one in enumerate(colours) for other in colours[:k]]
     assert min(differences) > 9.0  # 2.3 is just noticeable
 
@@ -93,7 +82,7 @@ def test_neighbours_are_told_apart_by_the_colour_blind(seen: str) -> None:
     ],
 )
 def test_units_are_printed_as_they_are_read(unit: str, printed: str) -> None:
-    assert unit_text(unit) == printed
+    assert style.unit_text(unit) == printed
 
 
 @pytest.fixture(scope="module")
@@ -133,9 +122,9 @@ def test_saving_and_a_figure_that_fails_leave_no_trace_in_matplotlib(curve: xr.D
 
 
 def test_the_font_has_every_letter_of_a_unit() -> None:
-    font = font_manager.get_font(font_manager.findfont(STYLE["font.family"][0]))
+    font = font_manager.get_font(font_manager.findfont(style.STYLE["font.family"][0]))
     for unit in ("um^3", "mm^2", "length^-3", "m^4", "mPa*s", "1/um"):
-        plain = re.sub(r"\$.*?\$", "", unit_text(unit))
+        plain = re.sub(r"\$.*?\$", "", style.unit_text(unit))
         assert {ord(letter) for letter in plain} <= font.get_charmap().keys()
 
 
@@ -151,7 +140,12 @@ def test_a_note_is_broken_for_the_size_of_the_figure() -> None:
 def test_a_number_keeps_its_unit_where_a_line_ends() -> None:
     family = ["DejaVu Sans"]
     text = "Pressure drop 10 mbar, 3 of 3 surfaces."
-    room = width_of("Pressure drop 10 m", 8.0, family)
-    assert wrapped(text, 8.0, room, family) == ["Pressure drop", "10 mbar, 3 of", "3 surfaces."]
-    assert wrapped("flux on m = 6, seed 0", 8.0, width_of("flux on m =", 8.0, family), family)[1] == "m = 6,"
-    assert wrapped("10 mbar", 8.0, width_of("mbar", 8.0, family), family) == ["10", "mbar"]  # of a narrow column
+    room = style.width_of("Pressure drop 10 m", 8.0, family)
+    assert style.wrapped(text, 8.0, room, family) == ["Pressure drop", "10 mbar, 3 of", "3 surfaces."]
+    assert (
+        style.wrapped("flux on m = 6, seed 0", 8.0, style.width_of("flux on m =", 8.0, family), family)[1] == "m = 6,"
+    )
+    assert style.wrapped("10 mbar", 8.0, style.width_of("mbar", 8.0, family), family) == [
+        "10",
+        "mbar",
+    ]  # of a narrow column

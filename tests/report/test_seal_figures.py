@@ -16,21 +16,10 @@ import roughvol
 from roughvol.analysis.average import average
 from roughvol.campaign.one_case import run_case
 from roughvol.errors import DatasetError
+from roughvol.report.figures import ways
 from roughvol.report.figures.families import Family
 from roughvol.report.figures.origin import origin
 from roughvol.report.figures.registry import FIGURES as ALL
-from roughvol.report.figures.ways import (
-    Way,
-    band_words,
-    centre_and_band,
-    draw_flow,
-    flow,
-    grid,
-    is_computed,
-    is_open,
-    sample,
-    way,
-)
 from roughvol.reproduction.figures import registry as paper
 from roughvol.store import dataset, dimensional
 from roughvol.store.dataset import Dataset
@@ -194,15 +183,15 @@ def test_a_way_closes_over_every_quantity_at_its_solved_closing_load(tmp_path: P
     flows = "record: {transport: {percolation: every-step, transmissivity: every-step, closing: true}}"
     study = loads(f"surface: {{D: 2.2, m: 4, seeds: [1]}}\nsweep: {{pressures: [0.2, 3]}}\n{flows}")
     ds = roughvol.run(study, jobs=1, out=tmp_path / "run")
-    flows, ways = (FIGURES[name](ds) for name in ("seal_transmissivity", "seal_percolation"))
-    assert "solved closing load" in ways.legends[0].get_title().get_text()
+    flows, open_ = (FIGURES[name](ds) for name in ("seal_transmissivity", "seal_percolation"))
+    assert "solved closing load" in open_.legends[0].get_title().get_text()
     for axis, marker in {"x": "x", "y": "+"}.items():
         end = ds.closing_pressure.sel(axis=axis).item()
         at = ds.roughvol.at(pressure=end)
         marks = [next(line for line in ax.lines if line.get_marker() == marker).get_xdata()[0] for ax in flows.axes[:3]]
         assert_allclose(marks, [at[name].item() for name in ("mean_pressure", "contact_area_fraction", "free_volume")])
         assert f"closed along ${axis}$" in {text.get_text() for text in flows.legends[0].get_texts()}
-        (line,) = _lines(ways, 0, f"along ${axis}$")
+        (line,) = _lines(open_, 0, f"along ${axis}$")
         assert line.get_xdata()[line.get_ydata() == 0.0][0] == pytest.approx(end)
 
 
@@ -394,27 +383,27 @@ def test_a_map_without_flux_and_gap_at_one_state_is_refused(ds: Dataset) -> None
 
 def test_sampling_keeps_to_what_is_known() -> None:
     points = np.linspace(0.0, 5.0, 11)
-    closing = way(np.array([1.0, 2.0, 4.0]), np.array([1e-2, 1e-4, 0.0]))
+    closing = ways.way(np.array([1.0, 2.0, 4.0]), np.array([1e-2, 1e-4, 0.0]))
     assert closing.closed == 4.0
-    row = sample([closing], points)[0]
+    row = ways.sample([closing], points)[0]
     assert np.isnan(row[points < 1.0]).all()
     assert_allclose(row[[2, 3, 4]], [1e-2, 1e-3, 1e-4], rtol=1e-12)
     assert_allclose(row[[5, 6, 7]], [0.75e-4, 0.5e-4, 0.25e-4], rtol=1e-12)  # open until computed closed
     assert np.array_equal(row[points >= 4.0], np.zeros(3))
-    assert sample([closing], np.array([3.9]), hold=True)[0][0] == 1e-4
-    assert np.isinf(sample([closing], np.array([4.0]), beyond=np.inf)[0][0])
+    assert ways.sample([closing], np.array([3.9]), hold=True)[0][0] == 1e-4
+    assert np.isinf(ways.sample([closing], np.array([4.0]), beyond=np.inf)[0][0])
 
 
 def test_an_open_way_is_unknown_beyond_its_last_state() -> None:
-    falling = way(np.array([4.0, 1.0]), np.array([1.0, 0.1]))  # V* falls along the loading
+    falling = ways.way(np.array([4.0, 1.0]), np.array([1.0, 0.1]))  # V* falls along the loading
     assert np.isnan(falling.closed)
-    row = sample([falling], np.array([5.0, 4.0, 1.0, 0.5]))[0]
+    row = ways.sample([falling], np.array([5.0, 4.0, 1.0, 0.5]))[0]
     assert np.array_equal(np.isnan(row), [True, False, False, True])
-    assert np.array_equal(np.isnan(is_open([falling], np.array([5.0, 1.0, 0.5]))[0]), [False, False, True])
+    assert np.array_equal(np.isnan(ways.is_open([falling], np.array([5.0, 1.0, 0.5]))[0]), [False, False, True])
 
 
 def test_a_way_that_opens_again_closes_after_its_last_open_state() -> None:
-    one = way(np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.0, 0.0, 0.5, 0.0]))
+    one = ways.way(np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.0, 0.0, 0.5, 0.0]))
     assert one.closed == 4.0
     assert np.array_equal(one.load, [1.0, 3.0])
 
@@ -422,20 +411,20 @@ def test_a_way_that_opens_again_closes_after_its_last_open_state() -> None:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_points_hold_the_closing_loads(sign: float) -> None:
     loads = [sign * np.array([1.0, 2.0, 3.0]) + 5.0, sign * np.array([1.5, 2.5, 4.0]) + 5.0]
-    members = [way(load, np.array([1.0, 0.5, 0.0])) for load in loads]
-    at = grid(members)
+    members = [ways.way(load, np.array([1.0, 0.5, 0.0])) for load in loads]
+    at = ways.grid(members)
     assert {one.closed for one in members} <= set(at.tolist())
     assert at[0] == loads[1][0]
     assert np.all(np.diff(sign * at) > 0.0)
-    assert not np.isnan(sample(members, at)).any()
-    still = [*members, way(loads[0], np.array([1.0, 0.9, 0.8]))]
-    assert grid(still)[-1] == loads[0][-1]
+    assert not np.isnan(ways.sample(members, at)).any()
+    still = [*members, ways.way(loads[0], np.array([1.0, 0.9, 0.8]))]
+    assert ways.grid(still)[-1] == loads[0][-1]
 
 
 @pytest.mark.parametrize("count", [2, 10])
 def test_a_band_has_the_range_of_the_tables(count: int) -> None:
     rows = np.random.default_rng(count).random((count, 4))
-    centre, low, high = centre_and_band(rows)
+    centre, low, high = ways.centre_and_band(rows)
     found = [average("leak_rate", column) for column in rows.T]
     assert_allclose([low, centre, high], np.transpose([(one.low, one.value, one.high) for one in found]))
 
@@ -444,17 +433,17 @@ def test_a_band_has_the_range_of_the_tables(count: int) -> None:
     ("counts", "words"), [([1, 1], ""), ([1, 3], "median of 3 surfaces, band 16 to 84 %"), ([2, 5], "median of 2-5")]
 )
 def test_one_surface_has_no_words_of_statistics(counts: list[int], words: str) -> None:
-    assert band_words(counts).startswith(words)
-    assert bool(band_words(counts)) == bool(words)
+    assert ways.band_words(counts).startswith(words)
+    assert bool(ways.band_words(counts)) == bool(words)
 
 
 def test_what_shows_that_a_way_is_closed_counts_for_its_flow() -> None:
     ds = _study(np.arange(1.0, 6.0), {"x": 3, "y": 9})
     ds["transmissivity"] = ds["transmissivity"].where(ds["step"] < 4)  # not computed where it is closed
-    values = flow(ds, "transmissivity", "x").values[0]
+    values = ways.flow(ds, "transmissivity", "x").values[0]
     assert np.array_equal(values[3:], [0.0, 0.0])
-    assert isinstance(way(ds["mean_pressure"].values[0], values), Way)
-    assert way(ds["mean_pressure"].values[0], values).closed == 4.0
+    assert isinstance(ways.way(ds["mean_pressure"].values[0], values), ways.Way)
+    assert ways.way(ds["mean_pressure"].values[0], values).closed == 4.0
 
 
 def test_volumes_of_several_surfaces_hold_both_in_the_band(ds: Dataset) -> None:
@@ -476,9 +465,9 @@ def test_volumes_of_several_surfaces_hold_both_in_the_band(ds: Dataset) -> None:
 def test_a_median_is_drawn_up_to_the_last_step_and_led_to_a_solved_closing_load() -> None:
     ax = Figure().add_subplot()
     ax.set(ylim=(1e-3, 10.0), yscale="log")
-    members = [Way(np.array([1.0, 2.0]), np.array([4.0, 1.0]), closed, 2.0) for closed in (5.0, 6.0)]
+    members = [ways.Way(np.array([1.0, 2.0]), np.array([4.0, 1.0]), closed, 2.0) for closed in (5.0, 6.0)]
     family = Family("", 0.0, {"color": "k"}, Dataset({"Sq": ("seed", [1.0, 1.0])}))
-    assert draw_flow(ax, family, members, "x", alone=True)
+    assert ways.draw_flow(ax, family, members, "x", alone=True)
     drawn, lead, mark = ax.get_lines()
     assert np.max(drawn.get_xdata()) == pytest.approx(2.0, abs=0.03)
     assert np.isfinite(np.asarray(drawn.get_ydata(), dtype=float)).all()
@@ -487,5 +476,5 @@ def test_a_median_is_drawn_up_to_the_last_step_and_led_to_a_solved_closing_load(
 
 
 def test_over_a_falling_quantity_every_state_is_computed() -> None:
-    members = [Way(np.array([3.0, 2.0]), np.array([4.0, 1.0]), closed, closed) for closed in (1.5, 0.5)]
-    assert is_computed(members, np.linspace(3.0, 0.1, 30)).all()
+    members = [ways.Way(np.array([3.0, 2.0]), np.array([4.0, 1.0]), closed, closed) for closed in (1.5, 0.5)]
+    assert ways.is_computed(members, np.linspace(3.0, 0.1, 30)).all()

@@ -13,15 +13,10 @@ from tests.refused import refusals
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(200)
 DELTA, E_STAR = 0.03, 7.0
+PARAMETERS = {"hertz": 2.0, "circular_punch": 0.4, "cone": 0.2}
 SHAPES = {
-    "hertz": (2.0, closed_forms.hertz, closed_forms.hertz_pressure, closed_forms.hertz_displacement),
-    "punch": (
-        0.4,
-        closed_forms.circular_punch,
-        closed_forms.circular_punch_pressure,
-        closed_forms.circular_punch_displacement,
-    ),
-    "cone": (0.2, closed_forms.cone, closed_forms.cone_pressure, closed_forms.cone_displacement),
+    shape: (parameter, *(getattr(closed_forms, shape + part) for part in ("", "_pressure", "_displacement")))
+    for shape, parameter in PARAMETERS.items()
 }
 
 
@@ -59,7 +54,7 @@ def test_displacement_fits_the_indenter_and_touches_smoothly(shape):
     parameter, contact, _, displacement = SHAPES[shape]
     a = contact(DELTA, parameter).contact_radius
     r = np.array([0.0, 0.3, 0.999, 1.0, 1.0 + 1e-9]) * a
-    indenter = {"hertz": r**2 / (2 * parameter), "punch": 0.0 * r, "cone": parameter * r}[shape]
+    indenter = {"hertz": r**2 / (2 * parameter), "circular_punch": 0.0 * r, "cone": parameter * r}[shape]
     np.testing.assert_allclose(displacement(r, DELTA, parameter), DELTA - indenter, rtol=1e-4)
     force = contact(DELTA, parameter).force
     assert displacement(1e3 * a, DELTA, parameter) == pytest.approx(force / (math.pi * 1e3 * a), rel=1e-4)
@@ -70,7 +65,7 @@ def test_force_is_the_slope_of_the_energy(shape):
     # F is homogeneous in Δ: 3/2, 1 and 2; contact radius 1/2, 0 and 1.
     parameter, contact, _, _ = SHAPES[shape]
     one, four = contact(DELTA, parameter), contact(4 * DELTA, parameter)
-    powers = {"hertz": (1.5, 0.5), "punch": (1.0, 0.0), "cone": (2.0, 1.0)}[shape]
+    powers = {"hertz": (1.5, 0.5), "circular_punch": (1.0, 0.0), "cone": (2.0, 1.0)}[shape]
     ratios = (four.force / one.force, four.contact_radius / one.contact_radius)
     assert ratios == pytest.approx((4 ** powers[0], 4 ** powers[1]), rel=1e-13)
     assert contact(DELTA, parameter, 3.0).force == pytest.approx(3.0 * one.force, rel=1e-14)
