@@ -32,22 +32,9 @@ from roughvol.analysis.legs import first_leg
 from roughvol.analysis.units import in_units
 from roughvol.errors import DatasetError
 from roughvol.observables.variables import AXES, QUANTITIES
-from roughvol.report.figures import origin, ways
+from roughvol.report.figures import origin, style, ways
 from roughvol.report.figures.curves import plot, shown
 from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held, named, several
-from roughvol.report.figures.style import (
-    GREY,
-    LABELS,
-    STYLE,
-    WIDE,
-    Drawing,
-    axes,
-    legend,
-    looks,
-    plain,
-    plain_ticks,
-    unit_text,
-)
 from roughvol.report.states import shortest_names
 from roughvol.store.variants import Part, parts_of, study_in
 
@@ -138,7 +125,7 @@ def own_names(runs: Iterable[Named]) -> list[str]:
     return [f"{y}_of_{x}" for y, x in itertools.product(dict.fromkeys(own), BELOW)]
 
 
-def draw(name: str, runs: Sequence[Named]) -> Drawing:
+def draw(name: str, runs: Sequence[Named]) -> style.Drawing:
     """Return a figure by content that is not `missing`, its curves named by run where there are several."""
     y_key, x_key = name.rsplit("_of_", 1)
     common: dict[str, str] = {}
@@ -146,10 +133,10 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
     x, y = _variable(x_key, ready), _variable(y_key, ready)
     flows = average.is_flow(y)
     height, few = (3.2, 2) if flows else (3.0, 4)  # inches, and lines of a legend that fit them
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(style.STYLE):
         some, title = _families(ready, x, y)
         some = [family._replace(label=wrapped(family.label)) for family in some]
-        fig, ax = axes(height=height + LINE * max(0, _legend_lines(some) - few))
+        fig, ax = style.axes(height=height + LINE * max(0, _legend_lines(some) - few))
         if flows:
             ax.set(xlabel=_label(x, ready), ylabel=_label(y, ready))
             _flow(ax, some, x, y, title)
@@ -168,7 +155,7 @@ def draw(name: str, runs: Sequence[Named]) -> Drawing:
             ax.set_yscale("log" if log else "linear")
             if y_key in POWERS and x_key == "p":
                 ax.set_xscale("log")
-                plain_ticks(ax.xaxis)
+                style.plain_ticks(ax.xaxis)
             notes = origin.dry_note([run.dataset for run in ready])
         fig.note(" ".join([_origin(ready, some), *notes]))
     return fig
@@ -195,7 +182,7 @@ def _dry(ax: Axes, family: Family, x: str, name: str) -> None:
     """Draw a flow of the dry gap as thin grey lines beside the lifted flow."""
     for axis in AXES:
         for surface, curve in enumerate(curves(family.along(axis), x, name)):
-            look: dict[str, Any] = {"color": GREY, "lw": 0.6, "ls": ways.LINES[axis], "zorder": 1}
+            look: dict[str, Any] = {"color": style.GREY, "lw": 0.6, "ls": ways.LINES[axis], "zorder": 1}
             lines = ax.plot(*_positive(curve), label=f"_dry, along ${axis}$", **look)
             named(ax, lines, family, surface, curve=f"{family.label}, without fluid pressure", axis=axis)
 
@@ -206,16 +193,14 @@ def _legend(ax: Axes, some: Sequence[Family], closed: set[str], title: str, *, d
     drawn = ways.band_words([family.surfaces for family in some]) if median else f"each of {number} surfaces"
     heading = [some[0].label if alone else "", title, drawn if number else ""]
     of_several = {"marker": "none"} if median else {"ls": ""}  # a median has no markers, single states have no line
-    plain = [of_several if family.surfaces > 1 else {} for family in some]
-    handles = [] if alone else [Line2D([], [], label=f.label, **(f.look | p)) for f, p in zip(some, plain, strict=True)]
-    for axis in AXES:
-        look = ways.look_of(some[0], axis, alone=True) | plain[0] if alone else {"color": GREY, "ls": ways.LINES[axis]}
-        handles.append(Line2D([], [], label=f"along ${axis}$", **look))
+    handles = ways.handles(some, of_several)
+    for axis in () if alone else AXES:
+        handles.append(Line2D([], [], color=style.GREY, ls=ways.LINES[axis], label=f"along ${axis}$"))
     handles += ways.closed_handles(closed, "closed")
     words = "without fluid pressure" + ", each surface" * bool(number)
     for axis in AXES if dry else ():
-        handles.append(Line2D([], [], color=GREY, lw=0.6, ls=ways.LINES[axis], label=f"along ${axis}$ {words}"))
-    legend(ax, "; ".join(filter(None, heading)), handles)
+        handles.append(Line2D([], [], color=style.GREY, lw=0.6, ls=ways.LINES[axis], label=f"along ${axis}$ {words}"))
+    style.legend(ax, "; ".join(filter(None, heading)), handles)
 
 
 def _fluids(runs: Sequence[Named], words_of: Callable[[Dataset], str], alone: list[str], differ: str) -> list[str]:
@@ -246,13 +231,13 @@ def _origin(runs: Sequence[Named], some: Sequence[Family]) -> str:
 def wrapped(label: str) -> str:
     """Return a label in lines that fit the legend, none of which ends within a formula."""
     joined = re.sub(r"\$[^$]*\$", lambda formula: formula.group().replace(" ", "\0"), label)
-    return textwrap.fill(joined, WIDE - KEY).replace("\0", " ")
+    return textwrap.fill(joined, style.WIDE - KEY).replace("\0", " ")
 
 
 def _legend_lines(some: Sequence[Family]) -> int:
     """Return the lines of the legend of families, in as many columns as fit."""
     lines = [line for family in some for line in family.label.splitlines()]
-    columns = max(1, WIDE // (KEY + max(map(len, lines), default=0)))
+    columns = max(1, style.WIDE // (KEY + max(map(len, lines), default=0)))
     return -(-len(lines) // columns)
 
 
@@ -279,8 +264,8 @@ def _unit(name: str, ds: Dataset) -> str:
 
 def _label(name: str, runs: Sequence[Named]) -> str:
     unit = _unit(name, runs[0].dataset)
-    label = LABELS.get(name) or file_text(str(runs[0].dataset[name].attrs["long_name"]))
-    return label if unit == "1" else f"{label} [{unit_text(unit)}]"
+    label = style.LABELS.get(name) or file_text(str(runs[0].dataset[name].attrs["long_name"]))
+    return label if unit == "1" else f"{label} [{style.unit_text(unit)}]"
 
 
 def _families(runs: Sequence[Named], x: str, y: str) -> tuple[list[Family], str]:
@@ -298,10 +283,10 @@ def _families(runs: Sequence[Named], x: str, y: str) -> tuple[list[Family], str]
         for family in some:
             words = ", ".join(filter(None, [family.label, title])) if len(some) > 1 else ""
             found.append(family._replace(label=": ".join(filter(None, [file_text(run.name), words]))))
-    return [family._replace(look=look) for family, look in zip(found, looks(len(found)), strict=True)], ""
+    return [family._replace(look=look) for family, look in zip(found, style.looks(len(found)), strict=True)], ""
 
 
-def data(fig: Drawing) -> Iterator[Mapping[str, object]]:
+def data(fig: style.Drawing) -> Iterator[Mapping[str, object]]:
     """Yield the points of the curves of a figure, of any of this package; a number that is missing is None."""
     empty = True
     for panel, ax in enumerate(fig.axes, start=1):
@@ -315,8 +300,8 @@ def data(fig: Drawing) -> Iterator[Mapping[str, object]]:
                 unnamed += 1
                 label = f"line {unnamed}"
             names = dict.fromkeys(COLUMNS) | source | {"panel": panel}
-            names["curve"] = plain(str(source.get("curve", label.lstrip("_")))).replace("\n", " ")
-            names |= {"x_label": plain(ax.get_xlabel()), "y_label": plain(ax.get_ylabel())}
+            names["curve"] = style.plain(str(source.get("curve", label.lstrip("_")))).replace("\n", " ")
+            names |= {"x_label": style.plain(ax.get_xlabel()), "y_label": style.plain(ax.get_ylabel())}
             xs, ys = (np.atleast_1d(np.asarray(part, dtype=float)) for part in line.get_data())
             if label == ways.SHUT:
                 ys = np.full(ys.shape, np.nan)  # the mark is on the edge of the axes, which is no leak

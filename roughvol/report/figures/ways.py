@@ -224,17 +224,21 @@ def direction_legend(
     fig: Drawing, some: Sequence[Family], words: Iterable[str], closed: Iterable[str] = (), what: str = ""
 ) -> None:
     """Put one legend above all axes: families by colour, directions of a single one by line, and what marks closing."""
-    alone = len(some) == 1
-    named = [(f"along ${axis}$", some[0], look_of(some[0], axis, alone=True)) for axis in AXES]
-    if not alone:
-        named = [(family.label, family, family.look) for family in some]
-    handles = []
-    for label, family, look in named:
-        handles.append(Line2D([], [], label=label, **(look | ({"marker": "none"} if family.surfaces > 1 else {}))))
-    handles += closed_handles(closed, what)
-    title = "; ".join(filter(None, [some[0].label if alone else "", *words])) or None
-    rows = -(-len(handles) // 6)
-    fig.legend(handles=handles, title=title, loc="outside upper center", ncols=-(-len(handles) // rows), **LEGEND)
+    shown = [*handles(some, {"marker": "none"}), *closed_handles(closed, what)]
+    title = "; ".join(filter(None, [some[0].label if len(some) == 1 else "", *words])) or None
+    rows = -(-len(shown) // 6)
+    fig.legend(handles=shown, title=title, loc="outside upper center", ncols=-(-len(shown) // rows), **LEGEND)
+
+
+def handles(some: Sequence[Family], of_several: dict[str, str]) -> list[Line2D]:
+    """Return the lines of families for a legend, or the directions of a single one; several surfaces look otherwise."""
+    named = [(family.label, family, family.look) for family in some]
+    if len(some) == 1:
+        named = [(f"along ${axis}$", some[0], look_of(some[0], axis, alone=True)) for axis in AXES]
+    return [
+        Line2D([], [], label=label, **(look | (of_several if family.surfaces > 1 else {})))
+        for label, family, look in named
+    ]
 
 
 def closing(
