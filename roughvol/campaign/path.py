@@ -13,7 +13,7 @@ from roughvol.contact.loading import Compliance, Trials, sweep
 from roughvol.contact.options import Options
 from roughvol.contact.search import first_indentation, indentation_for, state_crossing, state_reaching
 from roughvol.errors import ContactError
-from roughvol.observables.levels import check_touch, end_of, options_of, searched, target_of
+from roughvol.observables.levels import check_touch, end_of, options_of, places_of, searched, target_of
 from roughvol.observables.reduction import Reduction
 from roughvol.observables.regions import within
 from roughvol.study import STATE_KINDS, Case, Legs, Level, Scale, Sweep
@@ -75,7 +75,7 @@ class Path:
     def __init__(self, case: Case, surface: Surface, half_space: Compliance) -> None:
         self._case, self._surface, self._half_space = case, surface, half_space
         self._options = options_of(case, surface)
-        self._places = [(number, place) for number, leg in enumerate(case.sweep.legs) for place in range(leg.steps)]
+        self._places = places_of(case)
         self.end, self.plan = 0.0, list[float]()
 
     def after(self, so_far: Reduction) -> float:

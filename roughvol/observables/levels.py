@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
@@ -64,17 +63,16 @@ def crossed(level: Level, step: int, contact: State, case: Case, before: Mapping
 
     A leg begins at the end of the leg before: a level there is of both legs.
     """
-    ends = list(itertools.accumulate(leg.steps for leg in case.sweep.legs))
-    leg = level.leg or 1
-    if not ends[leg - 2] < step <= ends[leg - 1]:
+    number, place = places_of(case)[step - 1]
+    if number + 1 != level.leg:
         return False
     if is_defined(level, step, case):
         return True
     name, value = STARRED[level.kind].stored, level.value or 0.0
     one, other = before[name] - value, float(getattr(contact, name)) - value
     near = slack(level.kind, value)  # answers take the ends of the leg as the level
-    at_begin, at_end = step == ends[leg - 2] + 1 and abs(one) <= near, step == ends[leg - 1] and abs(other) <= near
-    return one * other <= 0.0 or at_begin or at_end
+    at_begin, at_end = place == 0, place == case.sweep.legs[number].steps - 1
+    return one * other <= 0.0 or (at_begin and abs(one) <= near) or (at_end and abs(other) <= near)
 
 
 def is_defined(level: Level, step: int, case: Case) -> bool:
@@ -84,12 +82,13 @@ def is_defined(level: Level, step: int, case: Case) -> bool:
     """
     if level == LAST:
         return step == case.sweep.steps
-    begin = 0
-    for leg in case.sweep.legs:
-        if begin < step <= begin + leg.steps:
-            return leg.step_of(replace(level, leg=None)) == step - begin - 1
-        begin += leg.steps
-    return False
+    number, place = places_of(case)[step - 1]
+    return case.sweep.legs[number].step_of(replace(level, leg=None)) == place
+
+
+def places_of(case: Case) -> list[tuple[int, int]]:
+    """Return the leg of each step of a path and the place of the step in the leg, both from 0 on."""
+    return [(number, place) for number, leg in enumerate(case.sweep.legs) for place in range(leg.steps)]
 
 
 def options_of(case: Case, surface: Surface) -> Options:

@@ -27,7 +27,7 @@ from roughvol.analysis.tables import Table, evenly, number, range_text
 from roughvol.contact.kernels import KERNELS
 from roughvol.observables.variables import AXES
 from roughvol.report.document import Pairs
-from roughvol.report.states import Row, States, every_step, head, sentences
+from roughvol.report.states import States, head, sentences
 from roughvol.study import HeightFile, Study
 from roughvol.surfaces.surface import BEYOND, intervals
 from roughvol.typing import Array
@@ -298,16 +298,12 @@ def _end(label: str) -> str:
 
 def _states(title: str, group: Dataset) -> Table | None:
     """Return the states of one group, at most `STATES` of them."""
-    legs, rows = ["leg"] * ("leg" in group), []
-    for state, data in every_step(group, "states"):
-        rows.append(Row((state.label, *(str(int(data[leg].values)) for leg in legs)), state, data))
-    if not rows:
-        return None
-    found, notes = States.of("states", ("step", *legs), rows), []
-    if len(rows) > STATES:
-        found = replace(found, rows=tuple(rows[k] for k in evenly(len(rows), STATES)))
-        notes.append(f"{len(found.rows)} of {len(rows)} states; study.nc has all.")
-    return found.table(title, *notes)
+    every = States.of_steps("states", group)
+    count = len(every.rows)
+    if count <= STATES:
+        return every.table(title) if count else None
+    shown = replace(every, rows=tuple(every.rows[k] for k in evenly(count, STATES)))
+    return shown.table(title, f"{len(shown.rows)} of {count} states; study.nc has all.")
 
 
 # closing

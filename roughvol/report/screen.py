@@ -136,13 +136,7 @@ def shown(run: Run) -> list[Table]:
     named = _named(run, steps=True, recorded=False)
     tables = []
     for name, group in named:
-        several, legs = group.sizes["seed"] > 1, "leg" in group
-        rows = []
-        for state, data in every_step(group, "steps"):
-            leg = [str(int(data["leg"].values))] if legs else []
-            solved = [str(np.count_nonzero(np.isfinite(data[P].values)))] if several else []
-            rows.append(Row((state.label, *leg, *solved), state, data))
-        found = States.of("steps", ("step", *["leg"] * legs, *["surfaces"] * several), rows)
+        found = States.of_steps("steps", group, counted=group.sizes["seed"] > 1)
         exponent = _exponent(group) if STIFFNESS in found.columns else []
         tables.append(found.table(name, *found.notes(), *exponent))
     return tables

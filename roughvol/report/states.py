@@ -69,6 +69,16 @@ class States:
                 held = [name for name in held if not name.startswith(starred)]
         return cls(tuple(heads), tuple(rows), tuple(held))
 
+    @classmethod
+    def of_steps(cls, table: str, group: Dataset, *, counted: bool = False) -> States:
+        """Return the steps of a group of surfaces, each behind its leg and, where they are counted, its surfaces."""
+        legs, rows = ["leg"] * ("leg" in group), []
+        for state, data in every_step(group, table):
+            leg = [str(int(data["leg"].values))] if legs else []
+            solved = [str(np.count_nonzero(np.isfinite(data[P].values)))] if counted else []
+            rows.append(Row((state.label, *leg, *solved), state, data))
+        return cls.of(table, ("step", *legs, *["surfaces"] * counted), rows)
+
     def table(self, title: str, *notes: str) -> Table:
         """Return the states as text, with the convention over surfaces in front of the notes."""
         most = max((row.state.surfaces for row in self.rows), default=1)
