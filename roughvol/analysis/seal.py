@@ -146,9 +146,10 @@ def drawn(
     draws: int = DRAWS,
     seed: int = 0,
 ) -> Array:
-    """Return a number of sheets, shape (draws,), whose patches are drawn from pools along and across the flow.
+    """Return a number of sheets, shape (draws,), whose patches are drawn from two pools of one size.
 
-    ``of`` gives the number of each sheet, as `sheet.closing`; ``together`` that of rings side by side, as `numpy.max`.
+    The pools are along and across the flow. ``of`` gives the number of each sheet, as `sheet.closing`; ``together``
+    that of rings side by side, as `numpy.max`.
     """
     n, m = patches
     if n > ROW:
@@ -161,8 +162,8 @@ def drawn(
         return np.full(draws, along[0])
     rng, ring = np.random.default_rng(seed), m > 2 * RING
     columns = RING if ring else m
-    each = [(rng.choice(along, (n, columns)), rng.choice(across, (n - 1, columns))) for _ in range(draws)]
-    found = of(*map(np.stack, zip(*each, strict=True)), ring=ring)
+    patch = rng.integers(along.size, size=(draws, 2 * n - 1, columns))
+    found = of(along[patch[:, :n]], across[patch[:, n:]], ring=ring)
     if not ring:
         return found
     rings = min(round(m / RING), SIDE_BY_SIDE)
