@@ -256,14 +256,8 @@ def _iterated(gap: Array, law: Law, outlet: float, periodic: bool, accuracy: flo
     raise ConvergenceError(message, indentation=math.nan, iterations=TURNS, residual=math.nan)
 
 
-@compiled
 def _pressures(law: Law, share: Array, s_outlet: float, drop: float) -> Array:
     """Return p of s, as a share of its drop: 0 at the outlet, 1 at the inlet."""
-    pressure = np.full(share.shape, VACUUM)
-    for i in range(share.shape[0]):
-        for j in range(share.shape[1]):
-            s = s_outlet + drop * min(max(share[i, j], 0.0), 1.0)
-            root = law.beta + math.sqrt(law.beta**2 + 2.0 * s)
-            if root > 0.0:
-                pressure[i, j] = max(2.0 * s / root, VACUUM)
-    return pressure
+    s = s_outlet + drop * np.clip(share, 0.0, 1.0)
+    root = law.beta + np.sqrt(law.beta**2 + 2.0 * s)
+    return np.maximum(2.0 * s / np.where(root > 0.0, root, 1.0), VACUUM)

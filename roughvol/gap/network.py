@@ -241,13 +241,9 @@ def flow_around(conductances: Conductances, accuracy: float = ACCURACY) -> float
     return dissipation
 
 
-@compiled
 def surplus(down: Array, east: Array) -> Array:
     """Return the flow into each element, from fluxes of the shapes of `Flow`."""
-    inflow = np.empty(east.shape)
-    for i in range(east.shape[0]):
-        for j in range(east.shape[1]):
-            inflow[i, j] = down[i, j] - down[i + 1, j] + east[i, j - 1] - east[i, j]
+    inflow: Array = down[:-1] - down[1:] + np.roll(east, 1, axis=1) - east
     return inflow
 
 
