@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.contact.convolution import Superposition
-from roughvol.contact.law import ELASTIC, HardWall, RigidWall
+from roughvol.contact.law import ELASTIC, Wall
 from roughvol.contact.options import DEFAULT, Options
 from roughvol.contact.state import Compliance, Contact, Leg, State
 from roughvol.errors import ContactError
@@ -45,7 +45,7 @@ class Problem:
         self.half_space, self.shape, self.options, self.tuning = half_space, surface.shape, options, options.tuning
         self.intervals, self.sides = surface.intervals[0], surface.sides
         hardness = options.hardness
-        self.law: RigidWall = ELASTIC if hardness is None else HardWall(hardness / (np.pi * self.intervals))
+        self.law = ELASTIC if hardness is None else Wall(hardness / (np.pi * self.intervals))
         self.leg = Leg(self.law)
         self.superposition = Superposition(half_space.influence, self.tuning, mirrored=surface.sides == "mirrored")
         self._position = np.full(surface.heights.size, -1, dtype=np.int32)  # restored by `positions`

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.contact.kernels import Kernel
-from roughvol.contact.law import ELASTIC, RigidWall
+from roughvol.contact.law import ELASTIC, Wall
 from roughvol.spellings import arguments
 from roughvol.surfaces.surface import Sided
 from roughvol.typing import Array, Index, Mask, Sides
@@ -169,7 +169,7 @@ class Contact(Sided):
 class Leg:
     """What a leg of a path begins with: the law, the plastic displacement over σ (nodes,), and a bound of its error."""
 
-    law: RigidWall = ELASTIC
+    law: Wall = ELASTIC
     plastic: Array | None = None
     carried: float = 0.0
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from roughvol.contact.halfspace import HalfSpace
-from roughvol.contact.law import HardWall, RigidWall
+from roughvol.contact.law import Wall
 from roughvol.contact.loading import sweep
 from roughvol.contact.options import Tuning
 from roughvol.surfaces.surface import Surface
@@ -20,7 +20,7 @@ UP = tuple(np.linspace(0.0, 2.6, 7)[1:])
 DOWN = UP[-2::-1]
 
 
-@pytest.mark.parametrize("law", [RigidWall(), HardWall(1.5)])
+@pytest.mark.parametrize("law", [Wall(), Wall(1.5)])
 def test_the_projection_is_allowed_nearest_and_repeatable(law):
     q, another = 2.0 * random(0).normal(size=(2, 200))
     allowed, other = law.project(q), law.project(another)
