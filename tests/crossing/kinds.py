@@ -51,7 +51,7 @@ class Kind:
     name: str
     title: str
     study: str
-    at: tuple[str, ...]
+    at: tuple[str, ...] = ("pressure=0.05 MPa",)
     modulus: float | Mapping[object, float] = 10.0
     lists: tuple[str, ...] = ()
     changes: tuple[str, ...] = ()
@@ -103,10 +103,20 @@ def _kind(name: str, row: dict[str, Any]) -> Kind:
     modulus = row.pop("modulus", 10.0)
     if not isinstance(modulus, float):
         modulus = {float(label): value for label, value in modulus.items()}
+    own = {key: row.pop(key) for key in _MOST if key in row}
     fields = {key: tuple(value) if isinstance(value, list) else value for key, value in row.items()}
-    return Kind(name, modulus=modulus, **fields)
+    return Kind(name, modulus=modulus, **{"study": _study(_MOST | own)} | fields)
+
+
+def _study(keys: dict[str, Any]) -> str:
+    """Return a study file of sections, and of keys and lines of its record."""
+    sections = [f"{name}: {keys[name]}" for name in ("surface", "material", "sweep")]
+    record = [f"{name}: {keys[name]}" for name in ("heights", "transport", "dimensional")]
+    lines = [f"  {line}" for line in (*record, *keys["records"])]
+    return "\n".join([*sections, "record:", *lines, keys["further"]])
 
 
 _TABLE = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+_MOST = _TABLE.pop("most")
 KINDS = tuple(_kind(name, row) for name, row in _TABLE.items())
 BY_NAME = {kind.name: kind for kind in KINDS}
