@@ -211,9 +211,10 @@ def checked(run: Dataset, *, leaks: bool = True) -> Dataset:
     if not is_pressed(run):
         raise refused(f"the run {lacks_states(run)}")
     if leak.is_lifted(run):
+        states = "; ".join(run[leak.STATE].values.tolist()) if leak.STATE in run.dims else "not stored"
         raise refused(
             "record.fluid_pressure lifts the gap: the leak under fluid pressure is known at recorded states alone "
-            f"({_recorded(run)}), and is not read off between states; roughvol show has it. More states: "
+            f"({states}), and is not read off between states; roughvol show has it. More states: "
             "record.fluid_pressure.at, as {pressure: [0.1 MPa, 0.2 MPa]}"
         )
     if leaks and "leak_rate" not in run:
@@ -406,19 +407,6 @@ def _check_unknown(run: Dataset, unknown: str, pressure: float | None) -> None:
         raise refused("pressures end at a hardness, so numbers do not depend on p* alone; allowed: for pressure")
     if unknown != "pressure" and not (pressure is not None and pressure > 0.0):
         raise refused(f"for {unknown} the load is needed, a pressure > 0, as pressure=0.1MPa")
-
-
-def _recorded(run: Dataset) -> str:
-    """Return the recorded states under fluid pressure, each with its load."""
-    name = closing.load_of(run)
-    unit = str(run[name].attrs.get("units", "1"))
-    per_starred = (run[name] / run["mean_pressure"]).mean("step")  # of each surface: its E* and Sq
-    words, stored = [], run.get(f"{leak.STATE}_mean_pressure")
-    for label in run[leak.STATE].values.tolist() if leak.STATE in run.dims else []:
-        load = math.nan if stored is None else float((stored.sel({leak.STATE: label}) * per_starred).mean())
-        load_words = f"p* = {load:.4g}" if unit == "1" else f"{load:.4g} {unit}"
-        words.append(f"{label}: {load_words}" if math.isfinite(load) else label)
-    return "; ".join(words)
 
 
 def _liquid(run: Dataset) -> bool:
