@@ -24,7 +24,7 @@ from xarray import Dataset
 from roughvol.analysis.average import average
 from roughvol.analysis.leak_card import Card
 from roughvol.analysis.leak_curve import Curve, curves, surfaces
-from roughvol.analysis.read_off import checked, errors_of, seal_words
+from roughvol.analysis.read_off import errors_of, seal_words
 from roughvol.analysis.tables import Table, evenly, number, rounded
 from roughvol.observables.at_state import at_state
 from roughvol.study import Creep, loads, refused
@@ -126,11 +126,10 @@ class History:
 def history(run: Dataset, law: Creep, pressure: float, seconds: Sequence[float]) -> History:
     """Return the leak at times [s] under a constant nominal pressure in the unit of the study; nothing is solved.
 
-    The modulus of the study is that at once. A `StudyError` refuses a run without leak rates, with yield, with fluid
-    pressure in the gap, or with a contact area that falls. It refuses a law that does not fit the bodies of the study,
-    and a time whose state lies beyond the sweep.
+    The run is as `read_off.checked` returns it, and its modulus that at once. A `StudyError` refuses a run with yield,
+    or with a contact area that falls. It refuses a law that does not fit the bodies of the study, and a time whose
+    state lies beyond the sweep.
     """
-    run = checked(run)
     if "plastic_volume" in run:
         raise refused("the surface yields: the theory of Lee and Radok holds without a hardness alone")
     if "contact_area_fraction" not in run:

@@ -139,11 +139,10 @@ def ask(
 ) -> list[Answer]:
     """Return where the leak of the leakiest surface falls to a value, along x and y; nothing is solved.
 
-    ``largest`` has the unit of the stored leak rates, ``pressure`` (for modulus and Sq) that of the study. ``errors``
-    are those of cards by axis, which the intervals then have. A `StudyError` refuses an unknown quantity, a missing
-    pressure, a surface that yields, and the runs that `check` refuses.
+    The run is as `checked` returns it. ``largest`` has the unit of the stored leak rates, ``pressure`` (for modulus and
+    Sq) that of the study. ``errors`` are those of cards by axis, which the intervals then have. A `StudyError` refuses
+    an unknown quantity, a missing pressure, and a surface that yields.
     """
-    run = checked(run)
     _check_unknown(run, unknown, pressure)
     if unknown == "Sq" and (missing := [name for name in ("transmissivity", "free_volume") if name not in run]):
         raise refused(
@@ -192,7 +191,6 @@ def ask_closed(
 
     The value is the solved closing load, or else that of the first closed step. Without units the pressure is p*.
     """
-    run = checked(run, leaks=False)
     _check_unknown(run, unknown, pressure)
     run = derived(run, study_in(run))
     if not leak.ways(run) and SOLVED not in run:
@@ -262,7 +260,6 @@ def of_gas(run: Dataset, unknown: str) -> tuple[Dataset, float]:
 
     The leak of a gas depends on p* alone where Sq stays: its mean free path over Sq is then the same.
     """
-    run = checked(run, leaks=False)
     if "gas_leak_rate" not in run:
         raise refused("the run has no leak of a gas: record transport.gas_flow and dimensional.gas_leak_rate")
     if "gas_transmissivity" not in run:
