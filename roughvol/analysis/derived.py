@@ -28,9 +28,8 @@ def derived(ds: Dataset, study: Study | None) -> Dataset:
     The loads and the contact area of an unloaded surface are 0.
     """
     found = _stiffness(ds, study)
-    if P in ds:  # an unloaded surface has p* of rounding
+    if P in ds and (unloaded := abs(ds.variables[P]) <= ROUNDING).any():  # an unloaded surface has p* of rounding
         numbers = {name: ds.variables[name] for name in (P, "nominal_pressure", "contact_area_fraction") if name in ds}
-        unloaded = abs(ds.variables[P]) <= ROUNDING
         ds = ds.assign({name: one.where(~unloaded, 0.0) for name, one in numbers.items()})
     if "mean_gap" not in ds and {"Sq", V} <= set(ds):
         gap = found["mean_gap"] = ds.variables[V] * sigma(ds)
