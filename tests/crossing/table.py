@@ -38,8 +38,8 @@ PRESSED_AGAIN = (
     "nominal gap records unpressed study-changed file-changed"
 )
 ONE_MAP = {
-    "seeds": "heights have shape (3, 17, 17); allowed: two axes",
-    "D": "heights have shape (4, 17, 17); allowed: two axes",
+    "seeds": "heights have shape (3, 17, 17); allowed: two dimensions of at least 3 nodes each",
+    "D": "heights have shape (4, 17, 17); allowed: two dimensions of at least 3 nodes each",
     "m": "allowed: rows of one length",
     "files": "allowed: real numbers",
     **dict.fromkeys(("ensemble", "own"), "unexpected keyword argument 'ensemble'"),

@@ -143,8 +143,7 @@ class Creep(Strict):
             )
             _refuse(message, "body")
         if not two and self.body == "second":
-            message = "is second, and the study has no material.against; allowed: none, first"
-            _refuse(message, "body")
+            _refuse("is second, and the study has no material.against; allowed: none, first", "body")
         if not two or self.body == "both":
             return self.share or 1.0
         assert isinstance(material, YoungPoisson)
@@ -185,8 +184,7 @@ class Creep(Strict):
             own = material.E
         unit = unit_of(own) or material.unit
         if unit is None or self.body == "both":
-            message = "moduli are those of one body whose modulus has a unit; allowed: ratios"
-            _refuse(message, "table.moduli")
+            _refuse("moduli are those of one body whose modulus has a unit; allowed: ratios", "table.moduli")
         return convert(float(own), unit, "Pa")
 
 

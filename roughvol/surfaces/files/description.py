@@ -73,8 +73,7 @@ class Request:
     def refuse_variable(self) -> None:
         """Refuse the name of an array in a file of one array."""
         if self.variable is not None:
-            message = f"{self.path}: holds one array, without a name; leave out the variable {self.variable!r}"
-            raise DatasetError(message)
+            raise DatasetError(f"holds one array, without a name; leave out the variable {self.variable!r}")
 
 
 class NotRead(DatasetError):
@@ -89,11 +88,11 @@ def first_bytes(path: Path, count: int) -> bytes:
 
 @contextlib.contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Turn any error on a damaged file into one message: libraries raise errors of all types."""
+    """Turn any error on a file into one message with its name: libraries raise errors of all types."""
     try:
         yield
-    except (DatasetError, SurfaceError):
-        raise
+    except (DatasetError, SurfaceError) as error:
+        raise type(error)(f"{path}: {error}") from error
     except Exception as error:
         reason = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
         kind = f" as {path.suffix.lower()}" if path.suffix else ""
@@ -105,19 +104,18 @@ def binary(path: Path, described: Description, kind: str, start: int, size: int)
     nx, ny = described.shape
     each = np.dtype(kind).itemsize
     if size != each * nx * ny:
-        raise DatasetError(f"{path}: holds {size} bytes of heights; its header gives {nx} x {ny} of {each} bytes each")
+        raise DatasetError(f"holds {size} bytes of heights; its header gives {nx} x {ny} of {each} bytes each")
     return HeightMap(described, lambda: np.fromfile(path, kind, nx * ny, offset=start).reshape(ny, nx).T.astype("f8"))
 
 
-def length_unit(path: Path, unit: object, place: str) -> str | None:
+def length_unit(unit: object, place: str) -> str | None:
     """Return the name of a unit of length, None for an empty unit or pixels; refuse any other unit."""
     text = unit.decode("latin-1") if isinstance(unit, bytes) else str(unit)
     if text.strip() in ("", "1", "None", "px", "pixel", "pixels"):
         return None
     name = length_units.named(text)
     if name is None:
-        message = f"{path}: {place} has the unit {text.strip()[:40]!r}; allowed: {', '.join(length_units.METRES)}"
-        raise SurfaceError(message)
+        raise SurfaceError(f"{place} has the unit {text.strip()[:40]!r}; allowed: {', '.join(length_units.METRES)}")
     return name
 
 
@@ -126,39 +124,37 @@ def names_no_heights(name: str) -> bool:
     return bool(_ERROR.search(name) or (_NO_HEIGHTS.search(name) and not _HEIGHTS.search(name)))
 
 
-def map_shape(path: Path, shape: tuple[int, ...]) -> tuple[int, int]:
+def map_shape(shape: tuple[int, ...]) -> tuple[int, int]:
     """Return the shape of a map; refuse other arrays before they are read, and more nodes than `MAX_NODES`.
 
     A small compressed file may hold any number of zeros.
     """
     if len(shape) != 2 or min(shape) < FEWEST:
         profile = "; a profile is no map" if sum(length >= FEWEST for length in shape) == 1 else ""
-        raise SurfaceError(
-            f"{path}: heights have shape {shape}; allowed: two dimensions of at least 3 nodes each{profile}"
-        )
+        raise SurfaceError(f"heights have shape {shape}; allowed: two dimensions of at least 3 nodes each{profile}")
     if math.prod(map(int, shape)) > MAX_NODES:
-        raise DatasetError(f"{path}: the array has shape {shape}; allowed: at most {MAX_NODES} nodes")
+        raise DatasetError(f"the array has shape {shape}; allowed: at most {MAX_NODES} nodes")
     return int(shape[0]), int(shape[1])
 
 
-def position(path: Path, names: list[str], wanted: str, listing: str, kind: str) -> int:
+def position(names: list[str], wanted: str, listing: str, kind: str) -> int:
     """Return the index of a channel or array, named or numbered from 0; refuse names that match none or several."""
     matches = [index for index, name in enumerate(names) if name == wanted]
     if not matches and wanted.isdecimal() and int(wanted) < len(names):
         return int(wanted)
     if len(matches) != 1:
         reason = f"has several {kind}s {wanted!r}, give the number" if matches else f"has no {kind} {wanted!r}"
-        raise DatasetError(f"{path}: {reason}; {kind}s in the file: {listing}")
+        raise DatasetError(f"{reason}; {kind}s in the file: {listing}")
     return matches[0]
 
 
-def array_name(path: Path, variable: str | None, shapes: dict[str, tuple[int, ...]]) -> str:
+def array_name(variable: str | None, shapes: dict[str, tuple[int, ...]]) -> str:
     """Return the name of the array of heights: the wanted one, or the only map of at least 3 x 3 nodes."""
     listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items()) or "none"
     if variable is not None:
-        return list(shapes)[position(path, list(shapes), variable, listing, "array")]
+        return list(shapes)[position(list(shapes), variable, listing, "array")]
     fields = [name for name, shape in shapes.items() if len(shape) == 2 and min(shape) >= FEWEST]
     if len(fields) == 1:
         return fields[0]
     reason = "give the array of heights (variable)" if fields else "holds no map of at least 3 x 3 nodes"
-    raise DatasetError(f"{path}: {reason}; arrays in the file: {listing}")
+    raise DatasetError(f"{reason}; arrays in the file: {listing}")

@@ -33,7 +33,6 @@ from roughvol.surfaces.files.description import (
     length_unit,
     names_no_heights,
     position,
-    reading,
 )
 from roughvol.typing import Array
 
@@ -54,19 +53,19 @@ def opened(request: Request) -> HeightMap:
             from SurfaceTopography import open_topography
             from SurfaceTopography.Exceptions import CannotDetectFileFormat
     except ImportError as error:
-        raise NotRead(f"{path}: is read through SurfaceTopography, which is not installed: {EXTRA}") from error
+        raise NotRead(f"is read through SurfaceTopography, which is not installed: {EXTRA}") from error
     ending = path.suffix.lower().removeprefix(".")
     logging.getLogger("igor2").addHandler(SILENT)
-    with warnings.catch_warnings(action="ignore"), reading(path):
+    with warnings.catch_warnings(action="ignore"):
         try:
             reader = request.files.enter_context(_recognised(open_topography, path, ending))
             if reader.format() in UNMARKED and ending != reader.format():
                 raise CannotDetectFileFormat
         except CannotDetectFileFormat as error:
-            raise NotRead(f"{path}: is damaged, or {UNREAD}") from error
+            raise NotRead(f"is damaged, or {UNREAD}") from error
         turned = reader.format() == "h5" and ending == "mat"  # MATLAB 7.3
-        channel = _channel(path, reader, request.variable)
-        description = _described(path, reader, channel, request.variable)
+        channel = _channel(reader, request.variable)
+        description = _described(reader, channel, request.variable)
         if reader.format() == "h5" and not request.ignore_header:
             description = replace(description, heights_unit=_heights_unit(path, channel.name))
         if turned:
@@ -91,12 +90,12 @@ def _recognised(open_topography: Any, path: Path, ending: str) -> Any:
     return open_topography(str(path))
 
 
-def _channel(path: Path, reader: Any, wanted: str | None) -> Any:
+def _channel(reader: Any, wanted: str | None) -> Any:
     """Return a channel of heights by name or number. Default: that of the format, or the first one."""
     channels = list(reader.channels)
     if reader.format() in ARRAYS:
         shapes = {data.name: tuple(data.nb_grid_pts or ()) for data in channels}
-        wanted = array_name(path, wanted, shapes)
+        wanted = array_name(wanted, shapes)
     maps = [data for data in channels if not _no_heights(data)]
     if wanted is None:
         default = reader.default_channel
@@ -107,10 +106,10 @@ def _channel(path: Path, reader: Any, wanted: str | None) -> Any:
             for data in channels
         )
         listing = ", ".join(f"{_label(data)} ({kind})" for data, kind in zip(channels, kinds, strict=True))
-        chosen = channels[position(path, [data.name for data in channels], wanted, listing, "channel")]
+        chosen = channels[position([data.name for data in channels], wanted, listing, "channel")]
     if reason := _no_heights(chosen):
         listing = ", ".join(map(_label, maps)) or "none"
-        raise SurfaceError(f"{path}: {chosen.name} {reason}; channels of heights: {listing}")
+        raise SurfaceError(f"{chosen.name} {reason}; channels of heights: {listing}")
     return chosen
 
 
@@ -132,12 +131,11 @@ def _is_map(data: Any) -> bool:
     return data.dim == 2 and len(shape) == 2 and min(shape) >= FEWEST
 
 
-def _described(path: Path, reader: Any, channel: Any, wanted: str | None) -> Description:
+def _described(reader: Any, channel: Any, wanted: str | None) -> Description:
     shape = tuple(channel.nb_grid_pts or ())
     if not _is_map(channel) or channel.is_uniform is False:
-        message = f"{path}: {channel.name} has nodes {shape}; allowed: a map of equidistant nodes, at least 3 x 3"
-        raise SurfaceError(message)
-    unit = None if channel.unit is None else length_unit(path, channel.unit, channel.name)
+        raise SurfaceError(f"{channel.name} has nodes {shape}; allowed: a map of equidistant nodes, at least 3 x 3")
+    unit = None if channel.unit is None else length_unit(channel.unit, channel.name)
     sides, unsized, sizes = None, "", channel.physical_sizes
     if sizes is not None:
         (x, y), (nx, ny) = (float(size) / n for size, n in zip(sizes, shape, strict=True)), shape
@@ -149,7 +147,7 @@ def _described(path: Path, reader: Any, channel: Any, wanted: str | None) -> Des
     maps = [data for data in reader.channels if not _no_heights(data) and _is_map(data)]
     if wanted is None and len(maps) > 1:
         listing = ", ".join(map(_label, maps))
-        notes = (f"{path.name} holds {len(maps)} maps ({listing}); {channel.index} is read, variable names another",)
+        notes = (f"holds {len(maps)} maps ({listing}); {channel.index} is read, variable names another",)
     return Description(
         (int(shape[0]), int(shape[1])),
         sides,
@@ -175,4 +173,4 @@ def _heights_unit(path: Path, name: str) -> str | None:
         if key is None:
             return None
         values = np.ravel(attributes[key])  # an attribute may be an array of one text
-        return length_unit(path, values[0] if values.size == 1 else attributes[key], f"{name}:{key}")
+        return length_unit(values[0] if values.size == 1 else attributes[key], f"{name}:{key}")

@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import SurfaceError
-from roughvol.surfaces.files.description import FEWEST
+from roughvol.surfaces.files.description import map_shape
 from roughvol.surfaces.files.netcdf import ONE_AT_A_TIME
 from roughvol.surfaces.length_units import named
 from roughvol.typing import Array
 
 KEPT = ("units", "unit", "axis", "positive")  # attributes of xarray that the reader of netCDF knows
 VARIABLE = "heights"
-KINDS = {"c": "complex", "b": "true or false", "O": "objects"}  # of arrays without real numbers
+
 
 Text = dict[str, str]  # attributes
 Coordinates = dict[str, tuple[Array, Text]]  # positions by the names of axes
@@ -49,9 +49,6 @@ def write(heights: Any, folder: Path, name: str = VARIABLE) -> Path:
             raise SurfaceError("a DataFrame has labels without units; give its numbers, as .to_numpy(), and L")
         array, attributes = _numbers(heights)
         if not attributes:
-            if min(array.shape) < FEWEST:
-                message = f"heights have shape {array.shape}; allowed: two dimensions of at least {FEWEST} nodes each"
-                raise SurfaceError(message)
             path = folder / f"{name}.npy"
             np.save(path, array)
             return path
@@ -81,7 +78,7 @@ def _of_data_array(heights: Any) -> tuple[Array, Text, Coordinates]:
         for dim, coordinate in along.items()
         if coordinate.dims == (dim,) and coordinate.dtype.kind in "fiu"
     }
-    if len(coordinates) == 1 and min(array.shape) > 1:
+    if len(coordinates) == 1:
         nodes = dict(zip(map(_name, heights.dims), array.shape, strict=True))
         ((known, (values, attributes)),) = coordinates.items()
         (other,) = nodes.keys() - {known}
@@ -105,28 +102,15 @@ def _numbers(heights: Any) -> tuple[Array, Text]:
     try:
         array: NDArray[Any] = np.ma.asarray(heights) if np.ma.isMaskedArray(heights) else np.asarray(heights)
     except (TypeError, ValueError) as error:  # rows of unequal length
-        raise SurfaceError(
-            f"heights make no array: {_ragged(heights) or error}; allowed: rows of one length"
-        ) from error
+        raise SurfaceError(f"heights make no array: {error}; allowed: rows of one length") from error
     if array.dtype.kind not in "fiu":
-        kind = KINDS.get(array.dtype.kind, str(array.dtype))
-        raise SurfaceError(f"heights are of the type {array.dtype} ({kind}); allowed: real numbers")
-    if array.ndim != 2:
-        raise SurfaceError(f"heights have shape {array.shape}; allowed: two axes")
+        raise SurfaceError(f"heights are of the type {array.dtype}; allowed: real numbers")
+    map_shape(array.shape)
     return np.ma.filled(array.astype(np.float64), np.nan), unit
 
 
 def _is_quantity(value: Any) -> bool:
     return hasattr(value, "magnitude") and hasattr(value, "units")
-
-
-def _ragged(heights: Any) -> str:
-    """Return that rows have different lengths in words; empty if the rows are not the fault."""
-    try:
-        shapes = list(dict.fromkeys(np.shape(row) for row in heights))
-    except (TypeError, ValueError):
-        return ""
-    return f"its rows have the shapes {shapes[0]} and {shapes[1]}" if len(shapes) > 1 else ""
 
 
 def _name(dim: Any) -> str:

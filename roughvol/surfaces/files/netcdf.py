@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from pathlib import Path
 from threading import RLock
 from typing import Any
 
@@ -38,23 +37,23 @@ def opened(request: Request) -> HeightMap:
     """Return the map in a netCDF file."""
     from netCDF4 import Dataset
 
-    path, ignored = request.path, request.ignore_header
+    ignored = request.ignore_header
     request.files.enter_context(ONE_AT_A_TIME)
-    stored = request.files.enter_context(Dataset(path))
-    name = _field(path, stored, request.variable)
+    stored = request.files.enter_context(Dataset(request.path))
+    name = _field(stored, request.variable)
     field = stored[name]
     if not _holds_numbers(field):
-        raise SurfaceError(f"{path}: {name} holds text, or values of a type of its own, not numbers")
-    down = _is_down(path, field, name)
-    shape = map_shape(path, field.shape)
+        raise SurfaceError(f"{name} holds text, or values of a type of its own, not numbers")
+    down = _is_down(field, name)
+    shape = map_shape(field.shape)
     turned = [_axis(stored, dim) for dim in field.dimensions] in ([1, 0], [1, None], [None, 0])
     dims, nodes = (field.dimensions[::-1], (shape[1], shape[0])) if turned else (field.dimensions, shape)
-    x, y = (None if ignored else _coordinate(path, stored, dim) for dim in dims)
+    x, y = (None if ignored else _coordinate(stored, dim) for dim in dims)
     masked = name == "heights" and "mask" in stored.variables and stored["mask"].shape == shape
     sides, lateral, source, counted = None, None, "", False
     if x and y:
         if x.unit != y.unit:
-            raise SurfaceError(f"{path}: {x.name} is in {x.unit}, {y.name} in {y.unit}; allowed: one unit for both")
+            raise SurfaceError(f"{x.name} is in {x.unit}, {y.name} in {y.unit}; allowed: one unit for both")
         sides, lateral, source = (x.span, y.span), x.unit, f"coordinates {x.name} and {y.name}"
         counted = lateral is None and x.counted and y.counted
     flips = tuple(slice(None, None, -1 if axis and axis.falls else 1) for axis in (x, y))
@@ -72,13 +71,13 @@ def opened(request: Request) -> HeightMap:
         nodes,
         sides,
         lateral,
-        None if ignored else _unit(path, field, name),
+        None if ignored else _unit(field, name),
         name,
         "netCDF",
         ", ".join(["labels"] * labelled + ["down"] * down) or None,
         source,
         counted,
-        notes=(f"{path.name} has {name}:positive = 'down': its heights are turned over",) * down,
+        notes=(f"has {name}:positive = 'down': its heights are turned over",) * down,
     )
     return HeightMap(described, heights)
 
@@ -88,19 +87,19 @@ def _holds_numbers(variable: Any) -> bool:
     return isinstance(variable.datatype, np.dtype) and variable.dtype.kind in "fiu"
 
 
-def _is_down(path: Path, variable: Any, name: str) -> bool:
+def _is_down(variable: Any, name: str) -> bool:
     """Return whether values are positive down, by the attribute of the CF conventions."""
     direction = str(getattr(variable, "positive", "up")).strip().lower()
     if direction not in ("up", "down"):
-        raise SurfaceError(f"{path}: {name}:positive is {direction[:40]!r}; allowed: up and down")
+        raise SurfaceError(f"{name}:positive is {direction[:40]!r}; allowed: up and down")
     return direction == "down"
 
 
-def _field(path: Path, stored: Any, variable: str | None) -> str:
+def _field(stored: Any, variable: str | None) -> str:
     """Return the name of the variable of heights; ``heights`` may have a ``mask`` beside it."""
     shapes = {name: array.shape for name, array in stored.variables.items()}
     fields = {name for name, shape in shapes.items() if len(shape) == 2}
-    return "heights" if variable is None and fields == {"heights", "mask"} else array_name(path, variable, shapes)
+    return "heights" if variable is None and fields == {"heights", "mask"} else array_name(variable, shapes)
 
 
 def _axis(stored: Any, dim: str) -> int | None:
@@ -122,7 +121,7 @@ class _Coordinate:
     counted: bool  # 0, 1, 2 … or 1, 2, 3 …
 
 
-def _coordinate(path: Path, stored: Any, dim: str) -> _Coordinate | None:
+def _coordinate(stored: Any, dim: str) -> _Coordinate | None:
     """Return the coordinate of a dimension, None without one; shares of a length (units "1") are none."""
     variable = stored.variables.get(dim)
     if variable is None or variable.dimensions != (dim,) or not _holds_numbers(variable) or variable.shape[0] < 3:
@@ -133,17 +132,17 @@ def _coordinate(path: Path, stored: Any, dim: str) -> _Coordinate | None:
     spacing = (values[-1] - values[0]) / (len(values) - 1)
     off = np.abs(values - (values[0] + spacing * np.arange(len(values)))).max()
     if not (spacing != 0.0 and off <= _EVEN * abs(spacing)):
-        raise SurfaceError(f"{path}: the coordinate {dim} is not equidistant; allowed: a regular grid")
+        raise SurfaceError(f"the coordinate {dim} is not equidistant; allowed: a regular grid")
     length = getattr(variable, "length", None)  # of all pixels, as SurfaceTopography writes it
     if length is not None and abs(float(length) / len(values) - abs(spacing)) > _SAME * abs(spacing):
-        raise SurfaceError(f"{path}: {dim}:length is {float(length):g}, its coordinate has a spacing of {spacing:g}")
+        raise SurfaceError(f"{dim}:length is {float(length):g}, its coordinate has a spacing of {spacing:g}")
     counted = bool(spacing == 1.0 and values[0] in (0.0, 1.0))
     span = abs(float(spacing)) * (len(values) - 1)
-    return _Coordinate(dim, span, _unit(path, variable, dim), bool(spacing < 0.0), counted)
+    return _Coordinate(dim, span, _unit(variable, dim), bool(spacing < 0.0), counted)
 
 
-def _unit(path: Path, variable: Any, name: str) -> str | None:
+def _unit(variable: Any, name: str) -> str | None:
     for key in ("units", "unit"):
         if key in variable.ncattrs():
-            return length_unit(path, variable.getncattr(key), f"{name}:{key}")
+            return length_unit(variable.getncattr(key), f"{name}:{key}")
     return None

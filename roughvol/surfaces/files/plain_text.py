@@ -38,7 +38,6 @@ _HEAD = 4096  # bytes searched for control characters
 class Text:
     """The lines of a text file, each with its number."""
 
-    path: Path
     header: list[tuple[int, str]]  # lines before the first line of numbers
     data: list[tuple[int, str]]  # lines from there on, without comments
     comments: list[tuple[int, str]]  # comments from there on
@@ -57,11 +56,11 @@ def split(path: Path) -> Text:
     first = next((index for index, (_, line) in enumerate(lines) if _is_data(line)), None)
     if first is None:
         allowed = "allowed: numbers alone, set apart by blanks, tabs, semicolons or commas"
-        raise SurfaceError(f"{path}: holds no numbers, or words in each line of them; {allowed}")
+        raise SurfaceError(f"holds no numbers, or words in each line of them; {allowed}")
     header = [(number, line.strip()) for number, line in lines[:first] if line.strip()]
     data = [(number, bare) for number, line in lines[first:] if (bare := _bare(line))]
     comments = [(number, line.strip()) for number, line in lines[first:] if line.lstrip().startswith("#")]
-    return Text(path, header, data, comments)
+    return Text(header, data, comments)
 
 
 def numbered(path: Path) -> list[tuple[int, str]]:
@@ -85,7 +84,7 @@ def words(text: Text) -> Array:
         return np.array(" ".join(line for _, line in text.data).split(), dtype=np.float64)
     except ValueError:
         cells = ((number, cell) for number, line in text.data for cell in re.split(r"[\s;,]+", line.strip(" ;,\t")))
-        return np.array([_value(text.path, number, cell) for number, cell in cells])
+        return np.array([_value(number, cell) for number, cell in cells])
 
 
 def table(text: Text) -> Array:
@@ -106,13 +105,12 @@ def table(text: Text) -> Array:
     pairs = all(map(_PAIRS.fullmatch, lines)) and any(map(_NO_WHOLE.search, lines))
     if pairs or (spaced and all(_DECIMAL_COMMA.fullmatch(cell.rstrip(",")) for cell in cells)):
         raise DatasetError(
-            f"{text.path}: line {text.data[0][0]} holds commas in its numbers and between them; allowed: semicolons "
+            f"line {text.data[0][0]} holds commas in its numbers and between them; allowed: semicolons "
             "between them, or numbers in quotation marks"
         )
     if mark != "," and any("," in line for line in lines):
         if any("." in line for line in lines):
-            message = f"{text.path}: line {text.data[0][0]} holds both commas and points; allowed: one decimal mark"
-            raise DatasetError(message)
+            raise DatasetError(f"line {text.data[0][0]} holds both commas and points; allowed: one decimal mark")
         lines = [line.replace(",", ".") for line in lines]
     try:
         return np.loadtxt(lines, delimiter=mark, comments=None, ndmin=2)
@@ -126,21 +124,21 @@ def _slowly(text: Text, lines: list[str], mark: str | None) -> Array:
     for (number, whole), line in zip(text.data, lines, strict=True):
         cells = [cell.strip().strip('"') for cell in line.split(mark)]
         if not any(_NUMBER.fullmatch(cell) or _MISSING.fullmatch(cell) for cell in cells):
-            raise NotRead(f"{text.path}: line {number} holds no numbers: {whole[:60]!r}; delete it")
-        rows.append([_value(text.path, number, cell) for cell in cells])
+            raise NotRead(f"line {number} holds no numbers: {whole[:60]!r}; delete it")
+        rows.append([_value(number, cell) for cell in cells])
     usual = Counter(map(len, rows)).most_common(1)[0][0]
     for (number, _), row in zip(text.data, rows, strict=True):
         if len(row) != usual:
-            raise DatasetError(f"{text.path}: line {number} holds {len(row)} numbers, most lines {usual}")
+            raise DatasetError(f"line {number} holds {len(row)} numbers, most lines {usual}")
     return np.array(rows)
 
 
-def _value(path: Path, number: int, cell: str) -> float:
+def _value(number: int, cell: str) -> float:
     if _NUMBER.fullmatch(cell):
         return float(cell.lower().replace("d", "e"))
     if _MISSING.fullmatch(cell):
         return np.nan
-    raise DatasetError(f"{path}: line {number}: {cell[:40]!r} is no number")
+    raise DatasetError(f"line {number}: {cell[:40]!r} is no number")
 
 
 def _bare(line: str) -> str:

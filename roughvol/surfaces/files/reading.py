@@ -65,7 +65,7 @@ def read(
     "heights" takes all columns of a text for heights. ``ignore_header`` passes over sizes and units.
     """
     with _opened(Path(path), variable, columns, ignore_header) as height_map:
-        return _checked(Path(path), height_map.heights(), holes)
+        return _checked(height_map.heights(), holes)
 
 
 @contextlib.contextmanager
@@ -74,31 +74,30 @@ def _opened(path: Path, variable: str | None, columns: str | None, ignore_header
     with reading(path), tiff.damage() as damaged, contextlib.ExitStack() as files:
         size = path.stat().st_size
         if size > MAX_BYTES:
-            raise DatasetError(f"{path}: has {size} bytes; allowed: at most {MAX_BYTES}")
+            raise DatasetError(f"has {size} bytes; allowed: at most {MAX_BYTES}")
         height_map = _by_content(Request(path, variable, columns, ignore_header, files))
-        map_shape(path, height_map.description.shape)
+        map_shape(height_map.description.shape)
         sides, source = height_map.description.sides, height_map.description.source
         if sides is not None and not ignore_header and not all(0.0 < side < math.inf for side in sides):
-            message = f"{path}: {source} makes sides of {sides[0]:g} by {sides[1]:g}; allowed: finite and above 0"
-            raise SurfaceError(message)
-        yield _with_damage(path, height_map, list(damaged))
+            raise SurfaceError(f"{source} makes sides of {sides[0]:g} by {sides[1]:g}; allowed: finite and above 0")
+        yield _noted(path, height_map, list(damaged))
 
 
-def _with_damage(path: Path, height_map: HeightMap, damaged: list[str]) -> HeightMap:
-    """Return a map with a note on the damaged parts of its file."""
-    if not damaged:
-        return height_map
-    more = f" and {len(damaged) - 1} more" * (len(damaged) > 1)
-    note = f"{path.name} is damaged, and read without: {damaged[0]}{more}"
-    found = height_map.description
-    return replace(height_map, description=replace(found, notes=(*found.notes, note)))
+def _noted(path: Path, height_map: HeightMap, damaged: list[str]) -> HeightMap:
+    """Return a map with a note on the damaged parts of its file, and the name of the file before each note."""
+    notes = [*height_map.description.notes]
+    if damaged:
+        more = f" and {len(damaged) - 1} more" * (len(damaged) > 1)
+        notes.append(f"is damaged, and read without: {damaged[0]}{more}")
+    named = tuple(f"{path.name} {note}" for note in notes)
+    return replace(height_map, description=replace(height_map.description, notes=named))
 
 
 def _by_content(request: Request) -> HeightMap:
     path, suffix = request.path, request.path.suffix.lower()
     if suffix == ".npy":
         request.refuse_variable()
-        return _array(path, request.files.enter_context(path.open("rb")))
+        return _array(request.files.enter_context(path.open("rb")))
     if suffix == ".npz":
         return _npz(request)
     start = first_bytes(path, len(netcdf.HDF5))
@@ -113,7 +112,7 @@ def _by_content(request: Request) -> HeightMap:
         return _text(request)
     try:
         height_map = instrument.opened(request)
-    except (DatasetError, SurfaceError) as refused:
+    except Exception as refused:  # of the library: errors of all types
         if suffix in TIFF:
             return tiff.opened(request)
         if not isinstance(refused, NotRead):
@@ -121,10 +120,8 @@ def _by_content(request: Request) -> HeightMap:
         if text and path.stat().st_size:
             return _text(request)
         if suffix == GRID:
-            raise DatasetError(
-                f"{path}: is no Surfer grid; allowed in {GRID}: Surfer grids (DSAA, DSBB, DSRB), netCDF and ESRI ASCII "
-                "grids; save it as one of them"
-            ) from refused
+            allowed = f"allowed in {GRID}: Surfer grids (DSAA, DSBB, DSRB), netCDF and ESRI ASCII grids"
+            raise DatasetError(f"is no Surfer grid; {allowed}; save it as one of them") from refused
         raise
     return _text(request) if height_map.description.reader.endswith(instrument.TEXT) else height_map
 
@@ -139,7 +136,7 @@ def _text(request: Request) -> HeightMap:
             lossy = other.description.reader.endswith(instrument.TEXT)
             if lossy and not (isinstance(refused, NotRead) and _is_whole(request.path, other.description)):
                 raise refused
-        except (DatasetError, SurfaceError) as error:
+        except Exception as error:
             if isinstance(refused, NotRead) and EXTRA in str(error):
                 raise NotRead(f"{refused}; for headers of other programs: {EXTRA}") from None
             raise refused from None
@@ -154,9 +151,9 @@ def _is_whole(path: Path, description: Description) -> bool:
     return bool(description.sides and description.unit) and numbers.size == math.prod(description.shape)
 
 
-def _checked(path: Path, array: NDArray[Any], holes: bool) -> Array:
+def _checked(array: NDArray[Any], holes: bool) -> Array:
     if array.dtype.kind not in "fiu":
-        raise SurfaceError(f"{path}: holds values of type {array.dtype}, not numbers")
+        raise SurfaceError(f"holds values of type {array.dtype}, not numbers")
     with np.errstate(over="ignore"):  # a long double beyond float64 becomes inf, and is refused below
         heights = np.ascontiguousarray(array, dtype=np.float64)
     missing = ~(np.abs(heights) < BEYOND)
@@ -167,13 +164,13 @@ def _checked(path: Path, array: NDArray[Any], holes: bool) -> Array:
             missing |= marked
             marks.append(f"{mark:g}")
     if missing.all():
-        raise SurfaceError(f"{path}: none of the {missing.size} heights is known")
+        raise SurfaceError(f"none of the {missing.size} heights is known")
     if missing.any() and not holes:
         row, column = np.argwhere(missing)[0]
         count = f"{missing.sum()} height{' is' if missing.sum() == 1 else 's are'}"
         marked_by = f" ({', '.join(marks[:3])} marks a missing one)" if marks else ""
         raise SurfaceError(
-            f"{path}: {count} missing or not finite, the first in row {row}, column {column}, counted from 0"
+            f"{count} missing or not finite, the first in row {row}, column {column}, counted from 0"
             f"{marked_by}; surface.missing: interpolate, or nearest, fills them in a study"
         )
     return np.where(missing, np.nan, heights) if holes else heights
@@ -195,12 +192,12 @@ def _npz(request: Request) -> HeightMap:
         if name.endswith(".npy"):  # the headers alone: other arrays may be large
             with archive.open(name) as stream:
                 shapes[name.removesuffix(".npy")] = _header_shape(stream)
-    chosen = array_name(request.path, request.variable, shapes)
-    return _array(request.path, request.files.enter_context(archive.open(f"{chosen}.npy")), chosen)
+    chosen = array_name(request.variable, shapes)
+    return _array(request.files.enter_context(archive.open(f"{chosen}.npy")), chosen)
 
 
-def _array(path: Path, stream: IO[bytes], name: str = "") -> HeightMap:
-    shape = map_shape(path, _header_shape(stream))
+def _array(stream: IO[bytes], name: str = "") -> HeightMap:
+    shape = map_shape(_header_shape(stream))
 
     def heights() -> NDArray[Any]:
         stream.seek(0)

@@ -41,23 +41,23 @@ def opened(request: Request) -> HeightMap:
     start = len(head) + _HEIGHT_BYTES - len(head) % _HEIGHT_BYTES  # 1 to 4 zero bytes end the header
     given = dict(_FIELD.findall(head.decode("utf-8", errors="replace")))
     if not all(re.fullmatch(r"0*[1-9]\d*", given.get(key, "")) for key in ("XRes", "YRes")):
-        raise DatasetError(f"{path}: its header gives {', '.join(given)}; needed: XRes and YRes, whole numbers above 0")
+        raise DatasetError(f"its header gives {', '.join(given)}; needed: XRes and YRes, whole numbers above 0")
     title = given.get("Title", "")
     if names_no_heights(title):
-        raise SurfaceError(f"{path}: the field {title!r} holds no heights, by its name")
+        raise SurfaceError(f"the field {title!r} holds no heights, by its name")
     nx, ny = int(given["XRes"]), int(given["YRes"])
     sides = None
     if {"XReal", "YReal"} <= given.keys():
         try:
             sides = float(given["XReal"]) / nx * (nx - 1), float(given["YReal"]) / ny * (ny - 1)
         except ValueError:
-            message = f"{path}: its header gives XReal {given['XReal']}, YReal {given['YReal']}; allowed: numbers"
+            message = f"its header gives XReal {given['XReal']}, YReal {given['YReal']}; allowed: numbers"
             raise SurfaceError(message) from None
     described = Description(
         (nx, ny),
         sides,
-        length_unit(path, given.get("XYUnits", ""), "XYUnits"),
-        length_unit(path, given.get("ZUnits", ""), "ZUnits"),
+        length_unit(given.get("XYUnits", ""), "XYUnits"),
+        length_unit(given.get("ZUnits", ""), "ZUnits"),
         title,
         "Gwyddion Simple Field",
         source="XReal in its header" if sides else "",

@@ -41,37 +41,36 @@ def _text(path: Path) -> HeightMap:
     (number, start), *others = plain_text.numbered(path)
     lines = [(number, start[4:]), *others]
     filled = [(number, line.strip(" \t\x1a")) for number, line in lines if line.strip(" \t\x1a")]
-    numbers = plain_text.words(plain_text.Text(path, [], filled, []))
+    numbers = plain_text.words(plain_text.Text([], filled, []))
     if len(numbers) < 8:
-        raise DatasetError(f"{path}: ends within its header")
-    described = _described(path, "text", *numbers[:6].tolist())
+        raise DatasetError("ends within its header")
+    described = _described("text", *numbers[:6].tolist())
     columns, rows = described.shape
     if len(numbers) - 8 != rows * columns:
-        raise SurfaceError(f"{path}: holds {len(numbers) - 8} heights; its header gives {columns} x {rows}")
+        raise SurfaceError(f"holds {len(numbers) - 8} heights; its header gives {columns} x {rows}")
     return HeightMap(described, lambda: numbers[8:].reshape(rows, columns).T)
 
 
 def _six(path: Path) -> HeightMap:
     head = first_bytes(path, _HEAD_6.size)
     if len(head) < _HEAD_6.size:
-        raise DatasetError(f"{path}: ends within its header")
-    described = _described(path, "Surfer 6", *_HEAD_6.unpack(head)[1:7])
+        raise DatasetError("ends within its header")
+    described = _described("Surfer 6", *_HEAD_6.unpack(head)[1:7])
     return binary(path, described, "<f4", len(head), path.stat().st_size - len(head))
 
 
 def _seven(path: Path) -> HeightMap:
     sections = _sections(path)
     if not {b"GRID", b"DATA"} <= sections.keys() or sections[b"GRID"][1] < _GRID_7.size:
-        message = f"{path}: holds the sections {', '.join(map(_printable, sections))}; needed: sections GRID and DATA"
-        raise DatasetError(message)
+        raise DatasetError(f"holds the sections {', '.join(map(_printable, sections))}; needed: sections GRID and DATA")
     with path.open("rb") as stream:
         version = int.from_bytes(stream.read(_TAG_7.size + 4)[_TAG_7.size :], "little")
         stream.seek(sections[b"GRID"][0])
         ny, nx, left, front, dx, dy, *_, blank = _GRID_7.unpack(stream.read(_GRID_7.size))
     if version not in (1, 2):
-        raise SurfaceError(f"{path}: is of version {version}; allowed: 1 and 2")
+        raise SurfaceError(f"is of version {version}; allowed: 1 and 2")
     limits = left, left + dx * (nx - 1), front, front + dy * (ny - 1)
-    values = binary(path, _described(path, "Surfer 7", nx, ny, *limits), "<f8", *sections[b"DATA"])
+    values = binary(path, _described("Surfer 7", nx, ny, *limits), "<f8", *sections[b"DATA"])
 
     def heights() -> Array:
         z = values.heights()
@@ -89,8 +88,7 @@ def _sections(path: Path) -> dict[bytes, tuple[int, int]]:
             name, size = _TAG_7.unpack(tag)
             left = end - stream.tell()
             if not 0 <= size <= left:
-                message = f"{path}: its section {_printable(name)} has {size} bytes, the file {left} from there"
-                raise DatasetError(message)
+                raise DatasetError(f"its section {_printable(name)} has {size} bytes, the file {left} from there")
             sections.setdefault(name, (stream.tell(), size))
             stream.seek(size, 1)
     return sections
@@ -100,15 +98,13 @@ def _printable(name: bytes) -> str:
     return name.decode("ascii", errors="replace") if name.isalnum() else repr(name)
 
 
-def _described(
-    path: Path, kind: str, nx: float, ny: float, left: float, right: float, front: float, back: float
-) -> Description:
+def _described(kind: str, nx: float, ny: float, left: float, right: float, front: float, back: float) -> Description:
     if not all(math.isfinite(number) and number == int(number) and number > 0 for number in (nx, ny)):
-        raise SurfaceError(f"{path}: its header gives {nx:g} x {ny:g} nodes; allowed: whole numbers above 0")
+        raise SurfaceError(f"its header gives {nx:g} x {ny:g} nodes; allowed: whole numbers above 0")
     shape, limits = (int(nx), int(ny)), ((left, right), (front, back))
     for name, (low, high) in zip("xy", limits, strict=True):
         if not (math.isfinite(low) and math.isfinite(high) and low < high):
-            raise SurfaceError(f"{path}: its header gives {name} from {low:g} to {high:g}; allowed: rising and finite")
+            raise SurfaceError(f"its header gives {name} from {low:g} to {high:g}; allowed: rising and finite")
     counted = all(low in (0.0, 1.0) and high - low == n - 1 for n, (low, high) in zip(shape, limits, strict=True))
     sides, source = (right - left, back - front), "the limits in its header"
     return Description(shape, sides, reader=f"Surfer grid, {kind}", read_as="surfer", source=source, counted=counted)

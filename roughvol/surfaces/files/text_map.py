@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -67,21 +66,19 @@ _COVERED = 0.5  # least share of nodes with a point
 
 def opened(request: Request) -> HeightMap:
     """Return the map in a text file."""
-    path, ignored = request.path, request.ignore_header
-    text = plain_text.split(path)
-    header = _parsed(path, text.header, ignored)
+    ignored = request.ignore_header
+    text = plain_text.split(request.path)
+    header = _parsed(text.header, ignored)
     for number, comment in text.comments:
-        if _parsed(path, [(number, comment)], ignored=True) != Header():
-            message = f"{path}: line {number} is a header among the numbers: {comment[:80]!r}; allowed: one map"
-            raise SurfaceError(message)
+        if _parsed([(number, comment)], ignored=True) != Header():
+            raise SurfaceError(f"line {number} is a header among the numbers: {comment[:80]!r}; allowed: one map")
     if names_no_heights(header.channel) and not ignored:
-        message = f"{path}: the channel {header.channel!r} holds no heights, by its name; if it does: header: ignore"
-        raise SurfaceError(message)
+        raise SurfaceError(f"the channel {header.channel!r} holds no heights, by its name; if it does: header: ignore")
     if header.esri:
         return _esri(text, header)
     complete = header.size and header.unit and header.heights_unit and not header.factor
     if header.unclear is not None and not complete and not ignored:
-        error = _not_understood(path, header.unclear, REMEDY)
+        error = _not_understood(header.unclear, REMEDY)
         # SurfaceTopography multiplies a width by the size of a pixel where a header gives both
         raise SurfaceError(str(error)) if header.size else error
     numbers = plain_text.table(text)
@@ -90,8 +87,8 @@ def opened(request: Request) -> HeightMap:
     if request.columns == "heights":
         return header.map(numbers, None, "text, rows", "rows")
     if header.points or numbers.shape[1] == 3:
-        return _points(path, numbers[:, :3], header)
-    _refuse_coordinates(path, numbers)
+        return _points(numbers[:, :3], header)
+    _refuse_coordinates(numbers)
     return header.map(numbers, None, "text, rows", "rows")
 
 
@@ -120,14 +117,14 @@ class Header:
         return HeightMap(described, lambda: heights)
 
 
-def _parsed(path: Path, lines: list[tuple[int, str]], ignored: bool) -> Header:
+def _parsed(lines: list[tuple[int, str]], ignored: bool) -> Header:
     """Parse header lines, each with its number; those with an unknown unit may be ignored."""
     header = Header()
     for number, line in lines:
         bare = line.lstrip("#%;/* \t").strip()
         place = f"line {number} ({line if len(line) <= 60 else f'{line[:57]}...'})"
         try:
-            if not bare or _taken(header, path, bare, place):
+            if not bare or _taken(header, bare, place):
                 continue
         except SurfaceError:
             if not ignored:
@@ -140,7 +137,7 @@ def _parsed(path: Path, lines: list[tuple[int, str]], ignored: bool) -> Header:
     return header
 
 
-def _taken(header: Header, path: Path, bare: str, place: str) -> bool:
+def _taken(header: Header, bare: str, place: str) -> bool:
     """Take the content of a header line; return whether it is known."""
     if _FACTOR.search(bare) or _PIXELS.search(bare):
         return False
@@ -150,7 +147,7 @@ def _taken(header: Header, path: Path, bare: str, place: str) -> bool:
         if key in ("cellsize", "dx"):
             header.source = place
     elif match := _SIZE.fullmatch(bare):
-        unit = length_unit(path, match[3], place)
+        unit = length_unit(match[3], place)
         header.unit = header.unit or unit  # the unit of the first length is that of all
         scale = 1.0 if unit is None or header.unit is None else length_units.factor(unit, header.unit)
         header.size[match[1].lower()] = _number(match[2]) * scale
@@ -158,17 +155,17 @@ def _taken(header: Header, path: Path, bare: str, place: str) -> bool:
     elif match := _CHANNEL.fullmatch(bare):
         header.channel = match[1].strip()
     elif match := _HEIGHTS_UNIT.fullmatch(bare):
-        header.heights_unit = length_unit(path, match[1], place) or header.heights_unit
+        header.heights_unit = length_unit(match[1], place) or header.heights_unit
     elif columns := _columns(bare) or (_units(bare) if header.points else []):
         header.points, header.source = True, place
-        x, y, header.heights_unit = (length_unit(path, unit, place) if unit else None for unit in columns)
+        x, y, header.heights_unit = (length_unit(unit, place) if unit else None for unit in columns)
         if x and y and x != y:
-            raise SurfaceError(f"{path}: {place} is in {y}, another size in {x}; allowed: one unit for both axes")
+            raise SurfaceError(f"{place} is in {y}, another size in {x}; allowed: one unit for both axes")
         header.unit = header.unit or x or y
     elif named := _HAS_UNIT.search(bare):
         if _NUMBER_WITH_UNIT.search(bare) or _LATERAL.search(bare) or not _VERTICAL.search(bare):
             return False
-        header.heights_unit = length_unit(path, re.sub(r"^in\s+", "", named[0].strip("[]()")), place)
+        header.heights_unit = length_unit(re.sub(r"^in\s+", "", named[0].strip("[]()")), place)
     else:
         return False
     return True
@@ -194,9 +191,9 @@ def _units(bare: str) -> list[str | None]:
     return [*units] if len(units) == 3 and all(map(length_units.named, units)) else []
 
 
-def _not_understood(path: Path, line: tuple[int, str], remedy: str = "") -> NotRead:
+def _not_understood(line: tuple[int, str], remedy: str = "") -> NotRead:
     """Return the error of a header line."""
-    return NotRead(f"{path}: line {line[0]} is not understood: {line[1][:80]!r}{remedy}")
+    return NotRead(f"line {line[0]} is not understood: {line[1][:80]!r}{remedy}")
 
 
 def _sized(numbers: Array, header: Header) -> HeightMap:
@@ -209,18 +206,17 @@ def _sized(numbers: Array, header: Header) -> HeightMap:
 
 
 def _esri(text: plain_text.Text, header: Header) -> HeightMap:
-    path, given = text.path, header.esri
+    given = header.esri
     if not {"ncols", "nrows"} <= given.keys():
-        raise SurfaceError(f"{path}: the header gives {', '.join(given)}; needed: ncols and nrows")
+        raise SurfaceError(f"the header gives {', '.join(given)}; needed: ncols and nrows")
     if header.unclear is not None:
-        raise _not_understood(path, header.unclear)
+        raise _not_understood(header.unclear)
     if not all(given[name].is_integer() and given[name] > 0.0 for name in ("ncols", "nrows")):
-        message = f"{path}: ncols {given['ncols']:g}, nrows {given['nrows']:g}; allowed: whole numbers above 0"
-        raise SurfaceError(message)
+        raise SurfaceError(f"ncols {given['ncols']:g}, nrows {given['nrows']:g}; allowed: whole numbers above 0")
     rows, columns = int(given["nrows"]), int(given["ncols"])
     heights = plain_text.words(text)  # the numbers of a row may run over several lines
     if heights.size != rows * columns:
-        raise SurfaceError(f"{path}: holds {heights.size} heights; its header gives {rows} x {columns}")
+        raise SurfaceError(f"holds {heights.size} heights; its header gives {rows} x {columns}")
     heights[heights == given.get("nodata_value", -9999.0)] = math.nan
     cell = given.get("cellsize")
     dx, dy = given.get("dx", cell), given.get("dy", cell)
@@ -229,12 +225,11 @@ def _esri(text: plain_text.Text, header: Header) -> HeightMap:
     return header.map(grid, sides, "ESRI ASCII grid", "esri")
 
 
-def _points(path: Path, numbers: Array, header: Header) -> HeightMap:
+def _points(numbers: Array, header: Header) -> HeightMap:
     try:
         heights, sides, counted = _grid(numbers)
     except SurfaceError as error:
-        message = f"{path}: looks like x y z points, but they are no regular grid: {error}; {INSIST}"
-        raise SurfaceError(message) from error
+        raise SurfaceError(f"looks like x y z points, but they are no regular grid: {error}; {INSIST}") from error
     header.source = header.source or "its coordinates"
     return header.map(heights, sides, "text, points x y z", "points", counted and header.unit is None)
 
@@ -274,7 +269,7 @@ def _nodes(values: Array, name: str) -> tuple[Index, int, float, bool]:
     return node.astype(np.int64), count + 1, span, bool(order[0] in (0.0, 1.0) and count == span)
 
 
-def _refuse_coordinates(path: Path, numbers: Array) -> None:
+def _refuse_coordinates(numbers: Array) -> None:
     """Refuse tables that hold coordinates among the heights."""
     rows, columns = numbers.shape
     for table, nodes, kind in ((numbers, columns, "columns"), (numbers.T, rows, "lines")):
@@ -283,22 +278,20 @@ def _refuse_coordinates(path: Path, numbers: Array) -> None:
                 _grid(table[:, :3])
             except SurfaceError:
                 continue
-            raise SurfaceError(
-                f"{path}: looks like x y z points: the first two of its {nodes} {kind} form a grid; "
-                f"give columns x y z alone; {INSIST}"
-            )
+            found = f"looks like x y z points: the first two of its {nodes} {kind} form a grid"
+            raise SurfaceError(f"{found}; give columns x y z alone; {INSIST}")
     inside = numbers[1:, 1:]
     if min(rows, columns) < 4 or any(all(map(_even, lines)) for lines in (inside, inside.T)):  # a plane, or grooves
         return
     along, down = (_coordinates(numbers[0, 1:], inside), _coordinates(numbers[1:, 0], inside.T))
     if (along and down) or (_even(numbers[0, 1:]) and _even(numbers[1:, 0])):
-        message = f"{path}: the first line and the first column look like coordinates: delete them and give L; {INSIST}"
-        raise SurfaceError(message)
+        both = "the first line and the first column look like coordinates: delete them and give L"
+        raise SurfaceError(f"{both}; {INSIST}")
     for name, edge, others in (("line", numbers[0], numbers[1:]), ("column", numbers[:, 0], numbers[:, 1:].T)):
         if edge[0] in (0.0, 1.0) and np.array_equal(edge, edge[0] + np.arange(edge.size)):
-            raise SurfaceError(f"{path}: the first {name} only counts: delete it; {INSIST}")
+            raise SurfaceError(f"the first {name} only counts: delete it; {INSIST}")
         if _coordinates(edge, others):
-            raise SurfaceError(f"{path}: the first {name} looks like coordinates: delete it and give L; {INSIST}")
+            raise SurfaceError(f"the first {name} looks like coordinates: delete it and give L; {INSIST}")
 
 
 def _even(values: Array) -> bool:

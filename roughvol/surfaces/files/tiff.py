@@ -12,7 +12,6 @@ import logging
 import math
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,51 +25,40 @@ _INCH, _CENTIMETRE = 2, 3
 _PIXEL_SCALE, _NODATA = 33550, 42113  # tags of GeoTIFF and GDAL
 
 
-class _Damage(logging.Filter):
-    """Keep what a library logs in this thread, and let nothing of it through."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.found, self._thread = dict[str, None](), logging.makeLogRecord({}).thread
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        """Return whether a record is of another thread."""
-        if record.thread != self._thread:
-            return True
-        self.found[" ".join(record.getMessage().split())[:200]] = None
-        return False
-
-
 @contextlib.contextmanager
 def damage() -> Iterator[dict[str, None]]:
-    """Yield the damaged parts of a TIFF that tifffile finds meanwhile, each once, in place of its log."""
-    log, kept = logging.getLogger("tifffile"), _Damage()
-    log.addFilter(kept)
+    """Yield the damaged parts of a TIFF that tifffile finds in this thread, each once, in place of its log."""
+    log, found, thread = logging.getLogger("tifffile"), dict[str, None](), logging.makeLogRecord({}).thread
+
+    def of_another_thread(record: logging.LogRecord) -> bool:
+        if record.thread == thread:
+            found[" ".join(record.getMessage().split())[:200]] = None
+        return record.thread != thread
+
+    log.addFilter(of_another_thread)
     try:
-        yield kept.found
+        yield found
     finally:
-        log.removeFilter(kept)
+        log.removeFilter(of_another_thread)
 
 
 def opened(request: Request) -> HeightMap:
     """Return the map in a TIFF file."""
-    path, variable = request.path, request.variable
+    variable = request.variable
     try:
         from tifffile import TiffFile
     except ImportError as error:
-        raise DatasetError(f"{path}: is read through tifffile, which is not installed: {EXTRA}") from error
-    stored = request.files.enter_context(TiffFile(path))
+        raise DatasetError(f"is read through tifffile, which is not installed: {EXTRA}") from error
+    stored = request.files.enter_context(TiffFile(request.path))
     pages = len(stored.pages)
     if variable is not None and not (variable.isdecimal() and int(variable) < pages):
-        raise DatasetError(f"{path}: has no page {variable!r}; allowed: 0 to {pages - 1}")
+        raise DatasetError(f"has no page {variable!r}; allowed: 0 to {pages - 1}")
     number = int(variable or 0)
     page = stored.pages[number]
     if len(page.shape) != 2 or page.dtype is None or page.dtype.kind not in "fiu" or page.dtype.itemsize < 2:
-        raise SurfaceError(
-            f"{path}: page {number} has shape {page.shape} and values of type {page.dtype}; allowed: one "
-            "grey value of at least 16 bits for each pixel"
-        )
-    pixel, unit, source = (None, None, "") if request.ignore_header else _pixel(path, stored, page)
+        found = f"page {number} has shape {page.shape} and values of type {page.dtype}"
+        raise SurfaceError(f"{found}; allowed: one grey value of at least 16 bits for each pixel")
+    pixel, unit, source = (None, None, "") if request.ignore_header else _pixel(stored, page)
     rows, columns = page.shape
 
     def heights() -> NDArray[Any]:
@@ -86,7 +74,7 @@ def opened(request: Request) -> HeightMap:
         read_as="tiff",
         source=source,
         counts=page.dtype.kind in "iu",
-        notes=(f"{path.name} has {pages} pages; page {number} is read",) * (pages > 1 and variable is None),
+        notes=(f"has {pages} pages; page {number} is read",) * (pages > 1 and variable is None),
     )
     return HeightMap(described, heights)
 
@@ -106,16 +94,16 @@ def _tag(page: Any, code: int) -> Any:
     return None if tag is None else tag.value
 
 
-def _pixel(path: Path, stored: Any, page: Any) -> tuple[tuple[float, float] | None, str | None, str]:
+def _pixel(stored: Any, page: Any) -> tuple[tuple[float, float] | None, str | None, str]:
     """Return the sides of a pixel along x and y, their unit, and the tag that gives them."""
     ome = stored.ome_metadata
     if ome:
         found = dict(reversed(re.findall(r'PhysicalSize([XY](?:Unit)?)="([^"]+)"', ome)))  # the first of each counts
         if {"X", "Y"} <= found.keys():
-            x = length_unit(path, found["XUnit"], "PhysicalSizeXUnit") if "XUnit" in found else "um"  # default of OME
-            y = length_unit(path, found["YUnit"], "PhysicalSizeYUnit") if "YUnit" in found else x
+            x = length_unit(found["XUnit"], "PhysicalSizeXUnit") if "XUnit" in found else "um"  # default of OME
+            y = length_unit(found["YUnit"], "PhysicalSizeYUnit") if "YUnit" in found else x
             if x != y:
-                raise SurfaceError(f"{path}: x is in {x or 'pixels'}, y in {y or 'pixels'}; allowed: one unit for both")
+                raise SurfaceError(f"x is in {x or 'pixels'}, y in {y or 'pixels'}; allowed: one unit for both")
             return (float(found["X"]), float(found["Y"])), x, "PhysicalSizeX of OME"
     scale = _tag(page, _PIXEL_SCALE)
     if scale is not None:
@@ -126,7 +114,7 @@ def _pixel(path: Path, stored: Any, page: Any) -> tuple[tuple[float, float] | No
     resolution = [value[0] / value[1] for value in fractions]
     imagej = (stored.imagej_metadata or {}).get("unit")
     if imagej:
-        unit = length_unit(path, imagej.replace("\\u00B5", "\u00b5"), "the unit of ImageJ")
+        unit = length_unit(imagej.replace("\\u00B5", "\u00b5"), "the unit of ImageJ")
         pixel = None if unit is None else (1.0 / resolution[0], 1.0 / resolution[1])
         return pixel, unit, "XResolution in the unit of ImageJ"
     centimetres = {_INCH: 2.54, _CENTIMETRE: 1.0}.get(int(_tag(page, 296) or 0))
