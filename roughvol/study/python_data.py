@@ -8,6 +8,7 @@ has base units, but for L: its unit is that of heights without one. A number of 
 
 from __future__ import annotations
 
+import contextlib
 import inspect
 import json
 import math
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from roughvol.typing import Changes
 
 ALLOWED = "text, a number, a path, a list or a mapping"
-LONGEST = 1024  # bits of a whole number; floats end there
+
 NO_UNIT = ("", "1", "length")  # attributes `units` of numbers without a unit
 TIMES = ("m", "M")  # kinds of the types of numpy: differences of times, and times
 PERCENT = "%"  # a share of a mean in an ensemble, and no number
@@ -89,17 +90,14 @@ def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
     number, unit = measured(value, convert=key_text(path) != GIVES_UNIT)
     if unit:
         return _with_unit(plain(number, problems, path), unit)
-    if isinstance(number, numbers.Integral):
-        whole = int(number)
-        if whole.bit_length() <= LONGEST:
-            return whole
-        problems[path] = f"must be a finite number, given a whole number of {whole.bit_length()} bits"
-        return None
     is_decimal = hasattr(number, "as_integer_ratio") and not isinstance(number, type)  # a decimal is no Real
     if isinstance(number, numbers.Real) or is_decimal:
-        if math.isfinite(number := float(number)):
-            return number
-        problems[path] = f"must be a finite number, given {number}"
+        nearest = math.inf
+        with contextlib.suppress(OverflowError):  # a whole number, or a fraction, beyond all floats
+            nearest = float(number)
+        if math.isfinite(nearest):
+            return int(number) if isinstance(number, numbers.Integral) else nearest
+        problems[path] = f"must be a finite number, given {nearest}"
         return None
     if isinstance(number, os.PathLike) and isinstance(text := os.fspath(number), str):
         return text

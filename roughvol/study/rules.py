@@ -6,6 +6,7 @@ the rules that read the key are left out, and all other problems are reported be
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -19,7 +20,6 @@ from roughvol.study.plain_data import KeyPath, number_text
 from roughvol.study.sections.dimensional import Dimensional
 from roughvol.study.sections.ensemble import AUTO_TO, CLOSING, FEWEST_LEVELS, RECORDED_BY, Accuracies
 from roughvol.study.sections.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
-from roughvol.study.sections.material import YoungPoisson
 from roughvol.study.sections.record import EVERY_STEP, Record, Region
 from roughvol.study.sections.solver import PAPER_MAX_M, FreeKernel, NamedKernel
 from roughvol.study.sections.strict import names
@@ -41,6 +41,8 @@ _PERIOD = "changes or cuts the period of a periodic surface: treat the file befo
 _LENGTH = "needs the unit of length, as surface: {L: 100 um}"
 _PLANE = "needs surface.sides: periodic and no record.region: a part of a plane is no period"
 _ELASTIC = "needs elastic contact: material.plastic is true and a hardness given"
+_NO_HARDNESS = "solver method 'paper' takes no hardness; allowed: material.plastic: false"
+_PATCHES = "excluded by 'ensemble': patches of a seal are surfaces of one load, as surface.seeds: 10"
 _NO_DISPLACEMENT = "no plastic displacement: give material.hardness"
 NEEDS = (  # key, the key or property it needs, message
     ("record.transport.gas_flow", "fluid", _FLUID),
@@ -57,6 +59,8 @@ NEEDS = (  # key, the key or property it needs, message
 EXCLUDES = (  # key, the key or property that excludes it, message
     ("record.transport.cell_transmissivity", "record.region", _PLANE),
     ("record.fluid_pressure", "material.yields", _ELASTIC),
+    ("solver.method", "material.yields", _NO_HARDNESS),
+    ("seal", "ensemble", _PATCHES),
     ("surface.D", "surface.H", "excluded by 'H': give one of them"),
     ("surface.shortest", "surface.cut", "excluded by 'cut': give one of them"),
     ("surface.slope", "surface.Sq", "excluded by 'Sq': give one of them"),
@@ -68,6 +72,7 @@ KEYS_OF = {  # of properties
     "material.unit": ("material",),
     "material.yields": ("material",),
 }
+OF_MODULUS = ("material.hardness", "material.against.E", "record.fluid_pressure.inlet", "record.fluid_pressure.outlet")
 RULES: list[Rule] = []
 
 
@@ -75,27 +80,29 @@ def _rule(*reads: str) -> Callable[[Callable[[StudyFile], Problems]], Callable[[
     """Register a function as a rule that reads these keys."""
 
     def register(problems: Callable[[StudyFile], Problems]) -> Callable[[StudyFile], Problems]:
-        RULES.append(Rule(_paths(reads), problems))
+        RULES.append(Rule(tuple(map(_path, reads)), problems))
         return problems
 
     return register
 
 
-def _paths(keys: Iterable[str]) -> tuple[KeyPath, ...]:
-    return tuple(tuple(key.split(".")) for key in keys)
+def _path(key: str) -> KeyPath:
+    return tuple(key.split("."))
 
 
 # What rules read.
 
 
+def _value(study: Any, path: Iterable[Any]) -> Any:
+    """Return the value of a key or a property, None without its section."""
+    return functools.reduce(lambda here, name: getattr(here, name, None), path, study)
+
+
 def _given(study: StudyFile, key: str) -> bool:
     """Return whether a key has another value than its default, or a property is true."""
-    *sections, name = key.split(".")
-    here: Any = study
-    for section in sections:
-        here = getattr(here, section, None)
-    field = type(here).model_fields.get(name) if isinstance(here, BaseModel) else None
-    value = getattr(here, name, None)
+    *section, name = key.split(".")
+    value, holder = _value(study, (*section, name)), _value(study, section)
+    field = type(holder).model_fields.get(name) if isinstance(holder, BaseModel) else None
     return bool(value) and (field is None or value != field.default)
 
 
@@ -130,9 +137,9 @@ def _of_pair(key: str, other: str, message: str, *, needs: bool) -> Rule:
 
     def problems(study: StudyFile) -> Problems:
         if _given(study, key) and _given(study, other) != needs:
-            yield tuple(key.split(".")), message
+            yield _path(key), message
 
-    return Rule(_paths((key, *KEYS_OF.get(other, (other,)))), problems)
+    return Rule(tuple(map(_path, (key, *KEYS_OF.get(other, (other,))))), problems)
 
 
 RULES += [_of_pair(*row, needs=needs) for rows, needs in ((NEEDS, True), (EXCLUDES, False)) for row in rows]
@@ -150,13 +157,10 @@ def _cases(study: StudyFile) -> Problems:
 
 @_rule()
 def _duplicates(study: StudyFile) -> Problems:
-    record, lists = study.record, [(path, values) for path, _, values in _levels(study)]
+    lists = [(path, values) for path, _, values in _levels(study)]
     lists += [(("surface", name), values) for name, values in study.surface if name in LISTS_OF_NUMBERS]
-    if record.box_counting is not None:
-        lists.append((("record", "box_counting", "thresholds"), record.box_counting.thresholds))
-    if record.region_widths is not None:
-        lists.append((("record", "region_widths", "shares"), record.region_widths.shares))
-    for path, values in lists:
+    of_record = map(_path, ("record.box_counting.thresholds", "record.region_widths.shares"))
+    for path, values in (*lists, *((path, _value(study, path) or ()) for path in of_record)):
         seen: set[float] = set()
         for where, number in _numbers(path, values):
             if number in seen:
@@ -176,12 +180,6 @@ def _dense(study: StudyFile) -> Problems:
     for path, m in _numbers(("surface", "m"), study.surface.m):
         if m > PAPER_MAX_M:
             yield path, f"{dense} m <= {PAPER_MAX_M}, given {number_text(m)}"
-
-
-@_rule("material")
-def _hardness(study: StudyFile) -> Problems:
-    if study.material.yields and study.solver.method == "paper":
-        yield ("solver",), "solver method 'paper' takes no hardness; allowed: material.plastic: false"
 
 
 @_rule("material")
@@ -288,13 +286,11 @@ def _units(study: StudyFile) -> Problems:
             yield path, f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um"
 
 
-@_rule("surface.L", "surface.unit", "record.region", "ensemble", "sweep")
+@_rule("surface.L", "surface.unit", "record.region", "sweep")
 def _seal(study: StudyFile) -> Problems:
     seal, surface = study.seal, study.surface
     if seal is None:
         return
-    if study.ensemble is not None:
-        yield ("seal",), "excluded by 'ensemble': patches of a seal are surfaces of one load, as surface.seeds: 10"
     if study.sweep.steps == 0:
         yield ("seal",), "needs contact: sweep.steps is 0"
     if isinstance(surface, HeightFile):
@@ -305,17 +301,9 @@ def _seal(study: StudyFile) -> Problems:
 
 @_rule("material")
 def _moduli(study: StudyFile) -> Problems:
-    if study.material.unit is not None:
-        return
-    if unit_of(study.material.hardness):
-        yield ("material", "hardness"), "has a unit and the modulus has none: give both with units, or none"
-    other = study.material.against if isinstance(study.material, YoungPoisson) else None
-    if other is not None and unit_of(other.E):
-        yield ("material", "against", "E"), "has a unit and that of the first body has none: give both with units"
-    fluid = study.record.fluid_pressure
-    for name in ("inlet", "outlet") if fluid is not None else ():
-        if unit_of(getattr(fluid, name)):
-            yield ("record", "fluid_pressure", name), "has a unit and the modulus has none: give both with units"
+    for path in map(_path, OF_MODULUS if study.material.unit is None else ()):
+        if unit_of(_value(study, path)):
+            yield path, "has a unit and the modulus has none: give both with units, or none"
 
 
 @_rule("surface.L", "surface.unit", "material")
@@ -348,7 +336,7 @@ def _one_drop(study: StudyFile) -> Problems:
 
 
 @_rule("sweep", "material")
-def _path(study: StudyFile) -> Problems:
+def _legs(study: StudyFile) -> Problems:
     several = isinstance(study.sweep, Legs)
     legs = [(("sweep", k) if several else ("sweep",), leg) for k, leg in enumerate(study.sweep.legs)]
     for path, leg in legs:

@@ -65,7 +65,7 @@ def test_a_faulty_key_hides_the_rules_that_need_it_and_no_others(text: str, keys
 
 
 def test_a_rule_needs_keys_of_a_study() -> None:
-    sections = {"surface", "material", "sweep", "solver", "record", "ensemble", "fluid"}
+    sections = {"surface", "material", "sweep", "solver", "record", "ensemble", "fluid", "seal"}
     assert {key[0] for rule in RULES for key in rule.reads} <= sections
 
 

@@ -5,6 +5,7 @@ Sizes and units in a file are read when the cases are made, see `sections.agreem
 
 from __future__ import annotations
 
+import glob
 import importlib.util
 import itertools
 import os
@@ -83,10 +84,13 @@ def _located(value: str, info: ValidationInfo) -> str:
     path = (context.get("folder", Path()) / value).absolute()
     if path.suffix.lower() not in HEIGHT_FORMATS and importlib.util.find_spec("SurfaceTopography") is None:
         refuse(f"must end in one of {' '.join(HEIGHT_FORMATS)}; for files of instruments: pip install '{EXTRA}'")
-    exists = os.path.isfile(path)  # noqa: PTH113, no error of a name too long or a folder without access
-    if not exists and not context.get(ABSENT):
+    if not _is_file(path) and not context.get(ABSENT):
         refuse(NO_FILE, path=printable(str(path)))
     return Located(str(path), value)
+
+
+def _is_file(path: Path) -> bool:
+    return os.path.isfile(path)  # noqa: PTH113, no error of a name too long or a folder without access
 
 
 def is_absent(error: Mapping[str, Any]) -> bool:
@@ -96,28 +100,19 @@ def is_absent(error: Mapping[str, Any]) -> bool:
 
 def _matching(value: Any, info: ValidationInfo) -> list[str]:
     """Return the files of a list, or those that a pattern matches, by name; relative to the study file."""
-    context = info.context or {}
     if isinstance(value, list | tuple) and value:
         return list(value)
     if not isinstance(value, str):
         refuse_at(("files",), value, "must be a pattern or a list of files")
-    folder = context.get("folder", Path())
-    pattern = Path(value)
-    base = Path(pattern.anchor) if pattern.is_absolute() else folder
-    names = str(pattern.relative_to(pattern.anchor)) if pattern.is_absolute() else value
-    first = next((number for number, part in enumerate(pattern.parts) if set(part) & set("*?[")), None)
-    if first is not None and ".." in pattern.parts[first:]:
-        refuse_at(("files",), value, "has '..' behind '*', '?' or '['; allowed before them alone")
-    try:
-        matches = (path for path in (base.glob(names) if Path(names).name else ()) if path.is_file())
-        found = sorted(itertools.islice(matches, MOST_FILES + 1))
-    except (ValueError, NotImplementedError, OSError) as error:
-        refuse_at(("files",), value, "no pattern ({reason})", reason=str(error))
+    folder = (info.context or {}).get("folder", Path())
+    # Path.glob takes no '..' behind a pattern, and no absolute one
+    matches = map(Path, glob.iglob(value, root_dir=folder, recursive=True, include_hidden=True))  # noqa: PTH207
+    found = sorted(itertools.islice((path for path in matches if _is_file(folder / path)), MOST_FILES + 1))
     if len(found) > MOST_FILES:
         refuse_at(("files",), value, "matches more than {most} files", most=str(MOST_FILES))
     if not found:
-        refuse_at(("files",), value, "no file matches {pattern}", pattern=printable(str(base / names)))
-    return [str(path if pattern.is_absolute() else path.relative_to(folder)) for path in found]
+        refuse_at(("files",), value, "no file matches {pattern}", pattern=printable(str(folder / value)))
+    return list(map(str, found))
 
 
 def _path_text(value: str, info: SerializationInfo) -> str:
