@@ -6,9 +6,11 @@ The rules are those of YAML 1.2: ``1e-8`` is a number, ``on`` is text. Anchors, 
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, NoReturn
 
 import yaml
@@ -42,6 +44,25 @@ class UnreadableError(Exception):
     def __init__(self, message: str, line: int | None = None) -> None:
         self.line = line
         super().__init__(message)
+
+
+def text_in(path: str | Path, what: str) -> str:
+    """Return the text in a file of at most `MAX_BYTES`; UnreadableError has the reason, and the line of a fault."""
+    try:
+        with Path(path).open("rb") as stream:
+            content = stream.read(MAX_BYTES + 1)
+        if len(content) > MAX_BYTES:
+            raise UnreadableError(TOO_LARGE)
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise UnreadableError("not text in UTF-8", content[: error.start].count(b"\n") + 1) from error
+    except (OSError, ValueError) as error:  # ValueError: a path with a null character
+        raise UnreadableError(f"cannot read {what}: {getattr(error, 'strerror', None) or error}") from error
+
+
+def is_file(path: Path) -> bool:
+    """Return whether a file exists; no error of a name too long, or of a folder without access."""
+    return os.path.isfile(path)  # noqa: PTH113
 
 
 class Reading:
@@ -174,9 +195,13 @@ def key_text(path: KeyPath) -> str:
 
 def key_path(text: str) -> KeyPath:
     """Return the key path of a text, as of ``surface.D[1]``; empty if it is none."""
-    parts = re.findall(r"\[(\d+)\]|([^.\[\]]+)", text.strip())
-    path = tuple(int(index) if index else word.strip() for index, word in parts)
+    path = _parts(text)
     return path if key_text(path) == text.strip() else ()
+
+
+def _parts(text: str) -> KeyPath:
+    found = re.findall(r"\[(\d+)\]|([^.\[\]]+)", text.strip())
+    return tuple(int(index) if index else word.strip() for index, word in found)
 
 
 def put(data: Any, path: KeyPath, value: Any) -> Any:
@@ -270,9 +295,9 @@ class Arguments:
 
     def of(self, key: str) -> str:
         """Return the argument that holds a key, as ``run: study["surface"]["L"]``."""
-        parts = [int(index) if index else word for index, word in re.findall(r"\[(\d+)\]|([^.\[\]]+)", key)]
+        parts = _parts(key)
         for end in range(len(parts), -1, -1):
-            name = self.names.get(key_text(tuple(parts[:end])))
+            name = self.names.get(key_text(parts[:end]))
             if name is not None:
                 items = "".join(f'["{part}"]' if isinstance(part, str) else f"[{part}]" for part in parts[end:])
                 return self._in_call(f"{name}{items}")

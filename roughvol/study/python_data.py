@@ -60,20 +60,20 @@ def check_type(
         raise error(f"{words}, given a value of the type {type(value).__name__}")
 
 
-def refused(message: str) -> StudyError:
+def refused(message: str, key: str = "", **place: Any) -> StudyError:
     """Return the error of a study with one problem.
 
     Parameters
     ----------
-    message : str
-        The problem.
+    message, key, **place
+        The problem, as of `errors.Problem`.
 
     Returns
     -------
     StudyError
         The error.
     """
-    return StudyError([Problem(message)])
+    return StudyError([Problem(message, key, **place)])
 
 
 def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:

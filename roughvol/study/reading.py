@@ -19,17 +19,18 @@ from roughvol.study.former import renamed
 from roughvol.study.plain_data import (
     MAX_BYTES,
     STORED_BYTES,
-    TOO_LARGE,
     Arguments,
     KeyPath,
     Reading,
     UnreadableError,
     given,
+    is_file,
     key_path,
     key_text,
     printable,
     put,
     show,
+    text_in,
     write,
 )
 from roughvol.study.python_data import changes_of, check_type, plain, refused
@@ -82,30 +83,17 @@ def load(path: str | Path, changes: Changes = ()) -> Study:
     """
     check_type(path, (str, os.PathLike), "a study file is a path", refused)
     file = printable(str(path))
-    content, text, line, message = b"", "", None, ""
     try:
-        with Path(path).open("rb") as stream:
-            content = stream.read(MAX_BYTES + 1)
-        if len(content) > MAX_BYTES:
-            message = _holds_results(path) if Path(path).suffix in RESULTS else TOO_LARGE
-        else:
-            text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line, message = content[: error.start].count(b"\n") + 1, "not text in UTF-8"
-        if Path(path).suffix in RESULTS:
-            line, message = None, _holds_results(path)
-    except (OSError, ValueError) as error:  # ValueError: a path with a null character
-        message = f"cannot read the study: {getattr(error, 'strerror', None) or error}"
-        if isinstance(error, FileNotFoundError | IsADirectoryError):
-            is_run = any((Path(folder) / path / "study.yaml").is_file() for folder in RUNS)
-            message = _holds_results(path) if is_run else message
-    if message:
-        raise StudyError([Problem(message, "", line, file)])
+        text = text_in(path, "the study")
+    except UnreadableError as error:
+        message, line = str(error), error.line
+        of_runs = [Path(folder, path, "study.yaml") for folder in RUNS]
+        of_runs += [Path(path)] if Path(path).suffix in RESULTS else []
+        if any(map(is_file, of_runs)):
+            them = f"roughvol.open({str(path)!r}) returns them, roughvol show prints them"
+            message, line = f"holds results and is no study file: {them}", None
+        raise refused(message, line=line, file=file) from error
     return _study(text, file, Path(path), changes=changes_of(changes))
-
-
-def _holds_results(path: str | Path) -> str:
-    return f"holds results and is no study file: roughvol.open({str(path)!r}) returns them, roughvol show prints them"
 
 
 def of_data(data: Mapping[str, Any], arguments: Arguments = STUDY, changes: Sequence[str] = ()) -> Study:
@@ -138,7 +126,7 @@ def of_data(data: Mapping[str, Any], arguments: Arguments = STUDY, changes: Sequ
         text = write(plain(data, problems))
     except RecursionError as error:
         message = "nested too deep, or a mapping that contains itself"
-        raise StudyError([Problem(message, argument=arguments.of(""))]) from error
+        raise refused(message, argument=arguments.of("")) from error
     return _study(text, "", Path("study"), changes=changes, arguments=arguments, problems=problems)
 
 
@@ -230,8 +218,8 @@ def _study(
     except UnreadableError as error:
         if arguments is not None:
             message = (problems or {}).get((), str(error))  # the data are no mapping
-            raise StudyError([Problem(message, argument=arguments.of(""))]) from error
-        raise StudyError([Problem(str(error), "", error.line, file)]) from error
+            raise refused(message, argument=arguments.of("")) from error
+        raise refused(str(error), line=error.line, file=file) from error
     if of_run and changes:  # the study of a run names keys without a value, which exclude others
         data = given(data)
     written = set(reading.marks)
@@ -274,7 +262,7 @@ def set_key(data: dict[str, Any], marks: dict[KeyPath, tuple[int, int]], change:
         if value is None and keys[-1] in known and not change.rstrip().endswith("="):
             del held[keys[-1]]
     except ValueError as error:
-        raise StudyError([Problem(str(error), key_text(keys), file=CHANGES)]) from error
+        raise refused(str(error), key_text(keys), file=CHANGES) from error
     for path in [path for path in marks if path[: len(keys)] == keys]:
         del marks[path]
     marks[keys] = _mark(marks, keys)
@@ -286,12 +274,12 @@ def _key_and_value(change: str) -> tuple[KeyPath, Any]:
     name, equals, text = change.partition("=")
     keys = key_path(name)
     if not equals or not keys:
-        raise StudyError([Problem(f"must be KEY=VALUE, as surface.m=6, given {show(change)}", file=CHANGES)])
+        raise refused(f"must be KEY=VALUE, as surface.m=6, given {show(change)}", file=CHANGES)
     reading = Reading()
     try:
         value = reading.read(f"value: {text.strip()}")["value"]
     except UnreadableError as error:
-        raise StudyError([Problem(f"{text.strip()!r}: {error}", name.strip(), file=CHANGES)]) from error
+        raise refused(f"{text.strip()!r}: {error}", name.strip(), file=CHANGES) from error
     if wrong := reading.problems:
         raise StudyError([Problem(wrong[path], key_text((*keys, *path[1:])), file=CHANGES) for path in wrong])
     return keys, value

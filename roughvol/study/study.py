@@ -18,7 +18,7 @@ from roughvol.study.case import Case
 from roughvol.study.file import StudyFile
 from roughvol.study.former import renamed
 from roughvol.study.plain_data import KeyPath, Places, given, key_path, key_text, put, write
-from roughvol.study.python_data import plain
+from roughvol.study.python_data import plain, refused
 from roughvol.study.rules import RULES
 from roughvol.study.sections.agreement import SAME, resolve
 from roughvol.study.sections.ensemble import levels_below
@@ -154,18 +154,14 @@ class Study(StudyFile):
                     _need_length(self.sweep, self.record, str(scan.file))
                 L = found[0].L if found else measured.L
                 if found and (found[0].length_unit != unit or abs(L - measured.L) > SAME * L):
-                    first = f"{L:.9g} {found[0].length_unit or ''}".strip()
-                    own = f"{measured.L:.9g} {unit or ''}".strip()
-                    message = f"the files differ in L: {found[0].label} has {first}, {Path(scan.file).name} has {own}"
-                    if unit and unit == found[0].length_unit:
-                        message += f"; a crop gives them one, as crop: {{x: [0, {min(L, measured.L):.9g} {unit}]}}"
-                    elif unit and found[0].length_unit:
-                        message += f"; one unit of all lengths is surface.unit, as unit: {unit}"
-                    raise StudyError([Problem(message, "surface.files")])
+                    first = f"{found[0].label} has {L:.9g} {found[0].length_unit or 'of no unit'}"
+                    other = f"{Path(scan.file).name} has {measured.L:.9g} {unit or 'of no unit'}"
+                    allowed = "one length and one unit, as by surface.crop and surface.unit"
+                    raise refused(f"the files differ in L: {first}, {other}; allowed: {allowed}", "surface.files")
                 made = case(kernel=self.kernel(unit), gas=self._gas(unit), **{**vars(measured), "L": L})
                 if same := next((other for other in found if other.id == made.id), None):
-                    message = f"{same.label} and {made.label} hold the same bytes and are one case by name: rename one"
-                    raise StudyError([Problem(message, "surface.files")])
+                    both = f"{same.label} and {made.label}"
+                    raise refused(f"{both} hold the same bytes and are one case by name: rename one", "surface.files")
                 found.append(made)
         return tuple(found)
 
@@ -178,8 +174,7 @@ class Study(StudyFile):
         if self.fluid is None:
             return None
         if unit is None:
-            message = "needs the unit of length, and the file gives none: add surface: {L: 100 um}"
-            raise StudyError([Problem(message, "fluid")])
+            raise refused("needs the unit of length, and the file gives none: add surface: {L: 100 um}", "fluid")
         return self.fluid.gas_in(unit)
 
     @property
@@ -199,11 +194,11 @@ class Study(StudyFile):
         data, problems = given(self.model_dump(mode="json")), dict[KeyPath, str]()
         for key, value in keys.items():
             if not (path := key_path(key)):
-                raise StudyError([Problem("is no key of a study; allowed: a path, as surface.m", key)])
+                raise refused("is no key of a study; allowed: a path, as surface.m", key)
             try:
                 put(data, path, plain(value, problems, path))
             except ValueError as error:
-                raise StudyError([Problem(str(error), key)]) from error
+                raise refused(str(error), key) from error
         former = renamed(data, problems, [key_path(key) for key in keys])
         same_files = not any(set(key_path(key)) & {"file", "files", "against"} or key == "surface" for key in keys)
         data = given(data)
@@ -261,7 +256,7 @@ def _need_length(sweep: Sweep | Legs, record: Record, file: str) -> None:
     for (section, *_), level in (*sweep.states(), *record.levels()):
         if level.lacking("Pa", None):
             reason = f"needs the unit of length, and {Path(file).name} gives none: add surface: {{L: 100 um}}"
-            raise StudyError([Problem(f"{level.label} {reason}", str(section))])
+            raise refused(f"{level.label} {reason}", str(section))
 
 
 def json_schema() -> dict[str, Any]:

@@ -135,7 +135,7 @@ def test_two_bodies_must_fit(tmp_path):
     case = case_of(tmp_path, coarse % ", header: ignore, heights_unit: m")
     assert (case.L, case.bodies[1].numbers_in) == (pytest.approx(2.5), "m")
     silent = "file: scan.sdf, against: {file: silent.npy}"
-    _refused(tmp_path, silent, r"surface\.unit: missing: .*silent\.npy does not give its unit, .* is in um")
+    _refused(tmp_path, silent, r"surface\.unit: missing: .*sdf are in um, and .*silent\.npy does not give its unit")
     case = case_of(tmp_path, "file: silent.npy, unit: nm, against: {file: scan.sdf}")
     assert (case.length_unit, case.L) == ("nm", pytest.approx(2500.0, rel=1e-12))
 

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 
 from roughvol.errors import DatasetError, SurfaceError
 from roughvol.study.plain_data import number_text
+from roughvol.study.python_data import refused
 from roughvol.study.sections.height_file import CounterBody, HeightFile
-from roughvol.study.sections.treatment import settled, wrong
+from roughvol.study.sections.treatment import settled
 from roughvol.surfaces.body import Body, Treatment
 from roughvol.surfaces.length_units import METRES, factor
 
@@ -54,19 +55,20 @@ def resolve(surface: HeightFile) -> Measured:
         bodies.append(_body(surface, section, sha256, descriptions[-1], key))
     for description, section in zip(descriptions, surface.bodies, strict=False):
         if surface.L is None and description.unsized:
-            wrong(f"missing: {section.file} does not give the length of its axes: {description.unsized}", "surface.L")
+            silent = f"{section.file} does not give the length of its axes"
+            raise refused(f"missing: {silent}: {description.unsized}", "surface.L")
     unit = _unit(surface, descriptions, bodies)
     sides = [_sides(surface, description, unit) for description in descriptions]
     L = surface.L if surface.L is not None else next((side[0] for side in sides if side), None)
     if L is None:
-        wrong(f"missing: {surface.file} does not give the length of its first axis", "surface.L")
+        raise refused(f"missing: {surface.file} does not give the length of its first axis", "surface.L")
     for description, body, side in zip(descriptions, bodies, sides, strict=True):
         if side and surface.L is not None:
             _agrees(surface.L, unit, description, body.file, side[0], surface.periodic)
     first, other = sides[0], sides[-1]
     if first and other and any(abs(a - b) > SAME * a for a, b in zip(first, other, strict=True)):
         sizes = " and ".join(" x ".join(f"{side:.6g}" for side in pair) for pair in (first, other))
-        wrong(f"the files differ in size, {sizes} {unit or ''}".rstrip(), "surface.against.file")
+        raise refused(f"the files differ in size, {sizes} {unit or ''}".rstrip(), "surface.against.file")
     notes = _notes(float(L), unit, descriptions, bodies, given=surface.L)
     treatment, left, nodes, ratios = settled(surface, descriptions, float(L), unit)
     bodies = [replace(body, pixel_ratio=ratio) for body, ratio in zip(bodies, ratios, strict=True)]
@@ -79,10 +81,10 @@ def _body(surface: HeightFile, body: HeightFile | CounterBody, sha256: str, desc
     given = body.heights_unit or surface.heights_unit
     own = description.heights_unit
     if own and body.heights_unit and own != body.heights_unit:
-        wrong(f"is {body.heights_unit}, but {path} has heights in {own}", f"{key}.heights_unit")
+        raise refused(f"is {body.heights_unit}, but {path} has heights in {own}", f"{key}.heights_unit")
     if description.unit and not own and not given:
-        message = f"missing: {path} has coordinates in {description.unit}, and no unit of its heights"
-        wrong(message, f"{key}.heights_unit")
+        given_in = f"{path} has coordinates in {description.unit}"
+        raise refused(f"missing: {given_in}, and no unit of its heights", f"{key}.heights_unit")
     mirror = body.mirror if isinstance(body, CounterBody) else "none"
     read_as = description.read_as
     return Body(path, sha256, body.variable, own, mirror, None if own else given, body.columns, body.header, read_as)
@@ -95,15 +97,13 @@ def _unit(surface: HeightFile, descriptions: list[Description], bodies: list[Bod
     unit = next((text.unit for text in descriptions if text.unit), None)
     named = next((body for body in bodies if body.numbers_in), None)
     unknown = next((body for body in bodies if body.numbers_in is None), None)
+    heights = f"the heights of {named.file.name} are in {named.numbers_in}" if named else ""
     if named and unknown:
-        message = f"missing: {unknown.file} does not give its unit, the other file is in {named.numbers_in}"
-        wrong(message, "surface.unit")
+        raise refused(f"missing: {heights}, and {unknown.file} does not give its unit", "surface.unit")
     if named and unit is None and surface.L is not None:
-        heights = f"the heights of {named.file.name} are in {named.numbers_in}"
-        wrong(f"has no unit, and {heights}: add the unit, as L: 100 um", "surface.L")
+        raise refused(f"has no unit, and {heights}: add the unit, as L: 100 um", "surface.L")
     if named and unit is None and any(text.sides for text in descriptions):
-        message = f"missing: {named.file} has no unit of its coordinates, heights are in {named.numbers_in}"
-        wrong(message, "surface.unit")
+        raise refused(f"missing: {heights}, and its coordinates have no unit", "surface.unit")
     return unit
 
 
@@ -132,7 +132,7 @@ def _agrees(L: float, unit: str | None, description: Description, file: Path, si
         message += f" between its outer nodes, so a period of {number_text(float(f'{side:.6g}'))}"
     elif abs(L - side * nodes / (nodes - 1)) <= SAME * L:
         message += f": L is the length between the outer of its {nodes} nodes, {nodes - 1} pixels"
-    wrong(f"{message}; omit L, or give header: ignore if the file is wrong", "surface.L")
+    raise refused(f"{message}; omit L, or give header: ignore if the file is wrong", "surface.L")
 
 
 def _notes(
@@ -161,7 +161,7 @@ def _digest(path: Path, key: str) -> str:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as error:
-        wrong(f"cannot read {path}: {error.strerror}", key)
+        raise refused(f"cannot read {path}: {error.strerror}", key) from error
 
 
 def _described(body: HeightFile | CounterBody, sha256: str, key: str) -> Description:
@@ -171,7 +171,7 @@ def _described(body: HeightFile | CounterBody, sha256: str, key: str) -> Descrip
         description = _description(Path(body.file), sha256, body.variable, body.columns, ignored)
     except (DatasetError, SurfaceError) as error:
         several = isinstance(body, HeightFile) and body.files
-        wrong(str(error), f"{key}.files" if several else f"{key}.file")
+        raise refused(str(error), f"{key}.files" if several else f"{key}.file") from error
     return replace(description, sides=None, unit=None, heights_unit=None) if ignored else description
 
 

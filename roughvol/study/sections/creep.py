@@ -31,7 +31,7 @@ from typing import Annotated, Any, Literal, NoReturn
 from pydantic import Field, ValidationError, model_validator
 
 from roughvol.errors import Problem, StudyError, meant
-from roughvol.study.plain_data import Arguments, KeyPath, Reading, UnreadableError, key_text, printable, write
+from roughvol.study.plain_data import Arguments, KeyPath, Reading, UnreadableError, key_text, printable, text_in, write
 from roughvol.study.python_data import check_type, plain, refused, text_of_value
 from roughvol.study.sections.material import ContactModulus, YoungPoisson
 from roughvol.study.sections.strict import Strict, names, optional
@@ -190,7 +190,7 @@ class Creep(Strict):
 
 def _refuse(message: str, key: str) -> NoReturn:
     """Raise the problem of a key of a law beside the study."""
-    raise StudyError([Problem(message, key, file="creep law")])
+    raise refused(message, key, file="creep law")
 
 
 def load_creep(given: str | Path | Mapping[str, Any]) -> Creep:
@@ -211,15 +211,12 @@ def load_creep(given: str | Path | Mapping[str, Any]) -> Creep:
     problems: dict[KeyPath, str] = {}
     file, arguments = ("", ARGUMENTS) if isinstance(given, Mapping) else (str(given), None)
     try:
-        text = write(plain(given, problems)) if isinstance(given, Mapping) else Path(given).read_text(encoding="utf-8")
+        text = write(plain(given, problems)) if isinstance(given, Mapping) else text_in(given, "the creep law")
         law = Creep.model_validate(reading.read(text))
     except UnreadableError as error:
-        raise StudyError([Problem(str(error), line=error.line, file=file)]) from error
+        raise refused(str(error), line=error.line, file=printable(file)) from error
     except ValidationError as error:
         problems = {item["loc"]: _message(item) for item in error.errors(include_url=False)} | problems
-    except (OSError, ValueError) as error:  # ValueError: no text in UTF-8, or a path with a null character
-        reason = "not text in UTF-8" if isinstance(error, UnicodeError) else getattr(error, "strerror", None) or error
-        raise StudyError([Problem(f"cannot read the creep law: {reason}", file=printable(file))]) from error
     if problems := problems | reading.problems:
         places = reading.places(file, arguments)
         raise StudyError([places.of(Problem(text, key_text(key))) for key, text in problems.items()])
@@ -254,9 +251,9 @@ def read_times(times: Any) -> list[float]:
         given = [_seconds(read(part.strip(), "time")) for part in ((first, last) if dots else text.split(","))]
     except ValueError as error:
         message = f"times are {text!r}; allowed: a range as '1 s..10 day', or a list as '1 s, 1 h' ({error})"
-        raise StudyError([Problem(message)]) from error
+        raise refused(message) from error
     if min(given) <= 0.0 or any(later <= earlier for earlier, later in itertools.pairwise(given)):
-        raise StudyError([Problem(f"times are {text!r}; allowed: > 0, rising")])
+        raise refused(f"times are {text!r}; allowed: > 0, rising")
     if not dots:
         return given
     decades = math.log10(given[1]) - math.log10(given[0])

@@ -8,7 +8,6 @@ from __future__ import annotations
 import glob
 import importlib.util
 import itertools
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -27,7 +26,7 @@ from pydantic import (
     model_validator,
 )
 
-from roughvol.study.plain_data import number_text, printable
+from roughvol.study.plain_data import is_file, number_text, printable
 from roughvol.study.sections.strict import Strict, default, optional, refuse_at
 from roughvol.study.sections.surface import SIDES, UNIT, Sized
 from roughvol.study.values.types import AS_TUPLE, WHOLE, refuse, two
@@ -84,13 +83,9 @@ def _located(value: str, info: ValidationInfo) -> str:
     path = (context.get("folder", Path()) / value).absolute()
     if path.suffix.lower() not in HEIGHT_FORMATS and importlib.util.find_spec("SurfaceTopography") is None:
         refuse(f"must end in one of {' '.join(HEIGHT_FORMATS)}; for files of instruments: pip install '{EXTRA}'")
-    if not _is_file(path) and not context.get(ABSENT):
+    if not is_file(path) and not context.get(ABSENT):
         refuse(NO_FILE, path=printable(str(path)))
     return Located(str(path), value)
-
-
-def _is_file(path: Path) -> bool:
-    return os.path.isfile(path)  # noqa: PTH113, no error of a name too long or a folder without access
 
 
 def is_absent(error: Mapping[str, Any]) -> bool:
@@ -107,7 +102,7 @@ def _matching(value: Any, info: ValidationInfo) -> list[str]:
     folder = (info.context or {}).get("folder", Path())
     # Path.glob takes no '..' behind a pattern, and no absolute one
     matches = map(Path, glob.iglob(value, root_dir=folder, recursive=True, include_hidden=True))  # noqa: PTH207
-    found = sorted(itertools.islice((path for path in matches if _is_file(folder / path)), MOST_FILES + 1))
+    found = sorted(itertools.islice((path for path in matches if is_file(folder / path)), MOST_FILES + 1))
     if len(found) > MOST_FILES:
         refuse_at(("files",), value, "matches more than {most} files", most=str(MOST_FILES))
     if not found:

@@ -12,10 +12,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
-from roughvol.errors import Problem, StudyError
 from roughvol.study.plain_data import number_text
+from roughvol.study.python_data import refused
 from roughvol.study.sections.height_file import Crop, HeightFile
 from roughvol.study.values.units import Length, in_unit, unit_of
 from roughvol.surfaces.body import Nodes, Resampling, Treatment
@@ -91,17 +91,18 @@ def settled(
     for body, description in zip(surface.bodies, descriptions, strict=True):
         nodes, lengths = description.shape, description.sides
         if lengths is None and resample != "none":
-            wrong(f"{body.file} does not give the sides of its pixels", _RESAMPLE)
+            raise refused(f"{body.file} does not give the sides of its pixels", _RESAMPLE)
         x, y = (1.0, 1.0) if lengths is None else (length / (n - 1) for length, n in zip(lengths, nodes, strict=True))
         pixel = L / (nodes[0] if surface.periodic else nodes[0] - 1)
         lattices.append(Lattice(nodes, (pixel, pixel * (y / x))))
         check_pixels(lattices[-1], resample, body.file, unit)
         if changed and nodes != lattices[0].shape:
-            message = f"{body.file} has {nodes} nodes; allowed: {lattices[0].shape}, as in {surface.file}"
-            wrong(message, "surface.against.file")
+            first = f"{lattices[0].shape}, as in {surface.file}"
+            raise refused(f"{body.file} has {nodes} nodes; allowed: {first}", "surface.against.file")
     if changed and surface.periodic and any(nodes % downsample for nodes in lattices[0].shape):
-        period = "{} x {} nodes; allowed: {} and its divisors".format(*lattices[0].shape, math.gcd(*lattices[0].shape))
-        wrong(f"blocks of {downsample} x {downsample} nodes do not fill a period of {period}", "surface.downsample")
+        rows, columns = lattices[0].shape
+        period = f"a period of {rows} x {columns} nodes; allowed: {math.gcd(rows, columns)} and its divisors"
+        raise refused(f"blocks of {downsample} x {downsample} nodes do not fill {period}", "surface.downsample")
     kept = nodes_kept(surface.crop, downsample, lattices[0], unit) if changed else None
     if kept is None and downsample == 1 and resample == "none":
         return plain, L, lattices[0].shape, [None] * len(descriptions)  # L exactly as without a crop
@@ -127,7 +128,7 @@ def nodes_kept(crop: Crop | None, downsample: int, lattice: Lattice, unit: str |
             key = key if downsample == 1 else "surface.downsample"
             left = f"{max(count, 0)} {'node' if downsample == 1 else 'mean'}{'s' * (count != 1)}"
             left += f" of {downsample} x {downsample} nodes" * (downsample != 1)
-            wrong(f"leaves {left} along {axis} of {nodes} nodes; allowed: at least {FEWEST}", key)
+            raise refused(f"leaves {left} along {axis} of {nodes} nodes; allowed: at least {FEWEST}", key)
         kept.append((first, first + count * downsample - 1))
     whole = all(pair == (0, nodes - 1) for pair, nodes in zip(kept, lattice.shape, strict=True))
     return None if whole else (kept[0], kept[1])
@@ -154,9 +155,9 @@ def check_pixels(lattice: Lattice, resample: Resampling, file: str, unit: str | 
     """Refuse pixels that are neither square nor resampled, and pixels too oblong to resample."""
     sides = f"{file} has pixels of {lattice.pixel[0]:.6g} by {lattice.pixel[1]:.6g} {unit or ''}".rstrip()
     if not 1.0 / MOST_OBLONG <= lattice.ratio <= MOST_OBLONG:
-        wrong(f"{sides}; allowed: one side up to {MOST_OBLONG:g} times the other", _RESAMPLE)
+        raise refused(f"{sides}; allowed: one side up to {MOST_OBLONG:g} times the other", _RESAMPLE)
     if resample == "none" and abs(lattice.ratio - 1.0) > SQUARE:
-        wrong(f"missing: {sides}; allowed without it: square pixels, to {SQUARE:g}; give resample: square", _RESAMPLE)
+        raise refused(f"missing: {sides}; allowed: square pixels, to {SQUARE:g}; give resample: square", _RESAMPLE)
 
 
 _RESAMPLE = "surface.resample"
@@ -165,7 +166,7 @@ _RESAMPLE = "surface.resample"
 def in_unit_of_study(length: Length, unit: str | None, key: str) -> float:
     """Return a length of the treatment in the unit of the study; a plain number is in that unit."""
     if unit is None and unit_of(length):
-        wrong(f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um", key)
+        raise refused(f"has a unit ({length}) and L has none: give L with its unit, as L: 100 um", key)
     return float(in_unit(length, unit))
 
 
@@ -175,10 +176,6 @@ def _node(position: float, nodes: int, pixel: float, unit: str | None, key: str)
         return position * (nodes - 1)
     node = in_unit_of_study(position, unit, key) / pixel
     if node > (nodes - 1) * (1.0 + ROUNDING):
-        wrong(f"reaches to {position}; allowed: up to {pixel * (nodes - 1):.6g} {unit}, the side of the map", key)
+        side = f"{pixel * (nodes - 1):.6g} {unit}, the side of the map"
+        raise refused(f"reaches to {position}; allowed: up to {side}", key)
     return node
-
-
-def wrong(message: str, key: str) -> NoReturn:
-    """Raise a problem of one key."""
-    raise StudyError([Problem(message, key)])
