@@ -111,12 +111,9 @@ def _numbers(path: KeyPath, values: Iterable[float]) -> Iterator[tuple[KeyPath, 
     yield from (((*path, k), value) for k, value in enumerate(values) if unit_of(value) is None)
 
 
-def _levels(study: StudyFile) -> Iterator[tuple[KeyPath, str, tuple[float, ...]]]:
-    """Yield place, kind and values of the levels of a record and of an ensemble."""
-    chosen = {("record", *path): select.named for path, select in study.record.selects.items()}
-    if study.ensemble is not None:
-        chosen["ensemble", "at"] = study.ensemble.at.named
-    yield from (((*path, kind), kind, values) for path, named in chosen.items() for kind, values in named.items())
+def _levels(study: StudyFile) -> list[tuple[KeyPath, Level]]:
+    """Return the levels of a record and of an ensemble, each with its place."""
+    return [*study.record.levels(), *(study.ensemble.states() if study.ensemble is not None else ())]
 
 
 def _may_have_units(surface: HeightFile) -> bool:
@@ -157,15 +154,17 @@ def _cases(study: StudyFile) -> Problems:
 
 @_rule()
 def _duplicates(study: StudyFile) -> Problems:
-    lists = [(path, values) for path, _, values in _levels(study)]
-    lists += [(("surface", name), values) for name, values in study.surface if name in LISTS_OF_NUMBERS]
-    of_record = map(_path, ("record.box_counting.thresholds", "record.region_widths.shares"))
-    for path, values in (*lists, *((path, _value(study, path) or ()) for path in of_record)):
-        seen: set[float] = set()
-        for where, number in _numbers(path, values):
-            if number in seen:
-                yield where, f"duplicate value {number_text(number)}"
-            seen.add(number)
+    numbers: list[tuple[KeyPath, Any]] = [(path, level.value) for path, level in _levels(study)]
+    for name, values in study.surface:
+        numbers += _numbers(("surface", name), values) if name in LISTS_OF_NUMBERS else ()
+    for path in map(_path, ("record.box_counting.thresholds", "record.region_widths.shares")):
+        numbers += _numbers(path, _value(study, path) or ())
+    seen: set[tuple[KeyPath, float]] = set()
+    for path, number in numbers:
+        if (path[:-1], number) in seen:
+            yield path, f"duplicate value {number_text(number)}"
+        if unit_of(number) is None:
+            seen.add((path[:-1], number))
 
 
 @_rule()
@@ -308,8 +307,7 @@ def _moduli(study: StudyFile) -> Problems:
 
 @_rule("surface.L", "surface.unit", "material")
 def _units_of_states(study: StudyFile) -> Problems:
-    of_means = study.ensemble.states() if study.ensemble is not None else ()
-    for path, level in (*study.sweep.states(), *study.record.levels(), *of_means):
+    for path, level in (*study.sweep.states(), *_levels(study)):
         if message := level.lacking(study.material.unit, "m" if study.surface.has_length else None):
             yield path, message
         if level.kind == "load" and study.record.part is not None:
@@ -440,25 +438,17 @@ def _contact(study: StudyFile) -> Problems:
         yield from ((("record", *path), "no contact to record: sweep.steps is 0") for path in paths)
         return
     ends = [leg.target for leg in study.sweep.legs]
-    yield from _means_beyond(study, ends[0])
-    for path, kind, values in _levels(study):
-        lasts = [float(steps)] if kind == "step" else [end.value for end in ends if end.kind == kind]
-        plain = [value for value in lasts if value is not None and unit_of(value) is None]
-        if len(plain) < (1 if kind == "step" else len(ends)):  # a leg ends at another quantity
-            continue
-        sign = -1 if kind in STATE_KINDS and STATE_KINDS[kind].falls else 1
-        last = max(plain, key=lambda value: sign * value)
-        for where, level in _numbers(path, values):
-            if sign * (level - last) > 1e-9 * max(1.0, abs(last)):
-                yield where, f"{number_text(level)} is not reached: the sweep ends at {kind} {number_text(last)}"
+    for path, level in _levels(study):
+        yield from _not_reached(path, level, [Level("step", float(steps))] if level.kind == "step" else ends)
 
 
-def _means_beyond(study: StudyFile, end: Level) -> Problems:
-    """Yield states of means with a unit beyond the end of the sweep in the same quantity."""
-    unit = unit_of(end.value)
-    for path, level in study.ensemble.states() if study.ensemble is not None and unit is not None else ():
-        if level.kind != end.kind or unit_of(level.value) is None or level.value is None or end.value is None:
-            continue
-        sign = -1 if STATE_KINDS[level.kind].falls else 1
-        if sign * (in_unit(level.value, unit) - end.value) > 1e-9 * abs(end.value):
-            yield path, f"{level.written} is not reached: the sweep ends at {end.kind} {end.written}"
+def _not_reached(path: KeyPath, level: Level, ends: list[Level]) -> Problems:
+    """Yield a level beyond the ends of all legs in the same quantity; with a unit, that of a mean."""
+    plain = unit_of(level.value) is None
+    values = [end.value for end in ends if end.kind == level.kind and (unit_of(end.value) is None) == plain]
+    if len(values) < len(ends) or not (plain or path[0] == "ensemble"):  # a leg ends at another quantity
+        return
+    sign = -1 if level.kind in STATE_KINDS and STATE_KINDS[level.kind].falls else 1
+    last = max((value for value in values if value is not None), key=lambda value: sign * value)
+    if sign * (in_unit(level.value or 0.0, unit_of(last)) - last) > 1e-9 * max(float(plain), abs(last)):
+        yield path, f"{level.written} is not reached: the sweep ends at {level.kind} {Level(level.kind, last).written}"

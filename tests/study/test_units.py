@@ -41,4 +41,4 @@ def test_torr_has_its_symbol_of_vacuum_technology_too() -> None:
 def test_a_state_in_two_units_is_one_state() -> None:
     text = "surface: {D: 2.3, m: 4, L: 100 um}\nmaterial: {E: 1 GPa, nu: 0.5}\n"
     record = loads(f"{text}record: {{fields_at: {{pressure: [0.5 MPa, 1 MPa, 500 kPa], step: [1, 2]}}}}").record
-    assert [level.label for _, level in record.levels()] == ["pressure=0.5 MPa", "pressure=1 MPa"]
+    assert [level.label for _, level in record.levels()] == ["step=1", "step=2", "pressure=0.5 MPa", "pressure=1 MPa"]

@@ -155,8 +155,7 @@ class Ensemble(Choice):
 
     def states(self) -> Iterator[tuple[KeyPath, Level]]:
         """Yield the states with a value, each with its place in the study."""
-        for kind, values in self.at.named.items():
-            yield from ((("ensemble", "at", kind, k), Level(kind, value)) for k, value in enumerate(values))
+        return self.at.placed("ensemble", "at")
 
     @property
     def tolerance(self) -> float:

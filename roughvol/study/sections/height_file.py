@@ -26,11 +26,11 @@ from pydantic import (
     model_validator,
 )
 
-from roughvol.study.plain_data import is_file, number_text, printable
+from roughvol.study.plain_data import is_file, printable
 from roughvol.study.sections.strict import Strict, default, optional, refuse_at
 from roughvol.study.sections.surface import SIDES, UNIT, Sized
 from roughvol.study.values.types import AS_TUPLE, WHOLE, refuse, two
-from roughvol.study.values.units import HeightsUnit, In, Length, LengthUnit, unit_of
+from roughvol.study.values.units import RISING, HeightsUnit, In, Length, LengthUnit
 from roughvol.surfaces.body import Columns, Header, Levelling, Mirror, Missing, Resampling
 from roughvol.typing import Sides
 
@@ -131,19 +131,6 @@ Variable = Annotated[
 _FILES = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
 
 
-def _alike(value: tuple[float, float]) -> tuple[float, float]:
-    units = [unit_of(position) for position in value]
-    for position, unit in zip(value, units, strict=True):
-        number = number_text(position)
-        if unit is None and position > 1:
-            refuse("{number} is no share of the side, 0 to 1; a length has a unit", number=number)
-        if unit is None and any(units) and position not in (0.0, 1.0):
-            refuse("{number} has no unit and the other position has one", number=number)
-    if units[0] == units[1] and value[0] >= value[1]:
-        refuse("must rise, from < to")
-    return value
-
-
 def _odd(value: int) -> int:
     if value % 2 == 0:
         refuse("must be odd: the node is in the middle")
@@ -151,7 +138,7 @@ def _odd(value: int) -> int:
 
 
 Position = Annotated[float, Field(ge=0), In("length")]
-Part = Annotated[tuple[Position, Position], two("positions"), AfterValidator(_alike)]
+Part = Annotated[tuple[Position, Position], two("positions"), RISING]
 
 
 class Crop(Strict):

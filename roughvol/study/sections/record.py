@@ -24,9 +24,9 @@ from roughvol.study.sections.dimensional import Dimensional, FluidPressure, Leak
 from roughvol.study.sections.strict import Choice, Strict, default, optional
 from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
 from roughvol.study.values.own import OwnQuantity, own
-from roughvol.study.values.state_kinds import STATE_KINDS, Level
+from roughvol.study.values.state_kinds import Level
 from roughvol.study.values.types import WHOLE, AreaFraction, Fraction, Many, Switch, Word, refuse, two
-from roughvol.study.values.units import unit_of
+from roughvol.study.values.units import RISING, unit_of
 
 
 def _share(value: Any) -> Any:
@@ -132,13 +132,7 @@ class Transport(Choice):
         return self
 
 
-def _rising(value: tuple[float, float]) -> tuple[float, float]:
-    if value[0] >= value[1]:
-        refuse("must rise, from < to")
-    return value
-
-
-Span = Annotated[tuple[Fraction, Fraction], two("numbers"), AfterValidator(_rising)]
+Span = Annotated[tuple[Fraction, Fraction], two("numbers"), RISING]
 
 
 class Region(Strict):
@@ -250,11 +244,9 @@ class Record(Strict):
         return any(unit_of(level.value) is not None for _, level in self.levels())
 
     def levels(self) -> Iterator[tuple[KeyPath, Level]]:
-        """Yield the levels of quantities, each with its place in the study."""
+        """Yield the steps and levels of quantities, each with its place in the study."""
         for path, select in self.selects.items():
-            for kind, values in select.named.items():
-                for k, value in enumerate(values if kind in STATE_KINDS else ()):
-                    yield ("record", *path, kind, k), Level(kind, value)
+            yield from select.placed("record", *path)
 
     def starred(self, of: Callable[[Level], Level]) -> Record:
         """Return the record with all levels as starred numbers."""

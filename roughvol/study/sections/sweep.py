@@ -59,6 +59,12 @@ class Levels(Choice):
         levels = (Level(kind, value) for kind, values in self.named.items() for value in values)
         return tuple(levels) or (Level("last"),)
 
+    def placed(self, *place: str) -> Iterator[tuple[KeyPath, Level]]:
+        """Yield the levels, each with its place in the study, from the place of the section."""
+        for kind, values in self.named.items():
+            for k, value in enumerate(values):
+                yield (*place, kind, k), Level(kind, value)
+
 
 class Select(Levels):
     """States to record: the last one, steps, or levels.

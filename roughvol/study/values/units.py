@@ -278,6 +278,20 @@ def text_of(value: Any) -> Any:
     return str(value) if isinstance(value, Quantity) else value
 
 
+def _rising(value: tuple[float, float]) -> tuple[float, float]:
+    """Refuse two positions that do not rise; without a unit, a position is a share of the side."""
+    units = [unit_of(position) for position in value]
+    for position, unit in zip(value, units, strict=True):
+        number = number_text(position)
+        if unit is None and position > 1:
+            refuse("{number} is no share of the side, 0 to 1; a length has a unit", number=number)
+        if unit is None and any(units) and position not in (0.0, 1.0):
+            refuse("{number} has no unit and the other position has one", number=number)
+    if units[0] == units[1] and value[0] >= value[1]:
+        refuse("must rise, from < to")
+    return value
+
+
 def unit_name(kind: str, *, counts: bool = False) -> AfterValidator:
     """Return a validator of units of a kind; with ``counts`` also of a number before it, the size of a count."""
 
@@ -302,6 +316,7 @@ Load = Annotated[Positive, In("force", needed=True)]
 Viscosity = Annotated[Positive, In("viscosity", needed=True)]
 Time = Annotated[Positive, In("time", needed=True)]
 Flow = Annotated[Positive, In("flow", needed=True)]
+RISING = AfterValidator(_rising)
 LengthUnit = Annotated[str, unit_name("length")]
 HeightsUnit = Annotated[str, unit_name("length", counts=True)]
 
