@@ -208,10 +208,9 @@ def _checked_heights(heights: ArrayLike) -> Array:
         given = np.asarray(heights)
     except ValueError as error:  # rows of unequal length
         raise SurfaceError(f"heights must be a 2-D array of numbers: {error}") from error
-    if given.dtype.kind not in "fiub":
-        raise SurfaceError(f"heights must be real numbers, got an array of {given.dtype}")
-    if given.ndim != 2 or min(given.shape) < 3:
-        raise SurfaceError(f"heights must be 2-D with at least 3 nodes per axis, got shape {given.shape}")
+    if given.dtype.kind not in "fiub" or given.ndim != 2 or min(given.shape) < 3:
+        allowed = "real numbers, 2-D with at least 3 nodes per axis"
+        raise SurfaceError(f"heights must be {allowed}, got {given.dtype} of shape {given.shape}")
     checked = np.array(given, dtype=np.float64, order="C")
     bad = ~np.isfinite(checked)
     if bad.any():

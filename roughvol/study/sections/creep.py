@@ -30,12 +30,12 @@ from typing import Annotated, Any, Literal, NoReturn
 
 from pydantic import Field, ValidationError, model_validator
 
-from roughvol.errors import Problem, StudyError, meant
+from roughvol.errors import Problem, StudyError
 from roughvol.study.plain_data import Arguments, KeyPath, Reading, UnreadableError, key_text, printable, text_in, write
 from roughvol.study.python_data import check_type, plain, refused, text_of_value
 from roughvol.study.sections.material import ContactModulus, YoungPoisson
-from roughvol.study.sections.strict import Strict, names, optional
-from roughvol.study.validation import in_words, models_of
+from roughvol.study.sections.strict import Strict, optional
+from roughvol.study.validation import translated
 from roughvol.study.values.types import Positive, refuse
 from roughvol.study.values.units import In, Time, convert, in_unit, read, unit_of
 
@@ -212,23 +212,16 @@ def load_creep(given: str | Path | Mapping[str, Any]) -> Creep:
     file, arguments = ("", ARGUMENTS) if isinstance(given, Mapping) else (str(given), None)
     try:
         text = write(plain(given, problems)) if isinstance(given, Mapping) else text_in(given, "the creep law")
-        law = Creep.model_validate(reading.read(text))
+        data = reading.read(text)
+        law = Creep.model_validate(data)
     except UnreadableError as error:
         raise refused(str(error), line=error.line, file=printable(file)) from error
     except ValidationError as error:
-        problems = {item["loc"]: _message(item) for item in error.errors(include_url=False)} | problems
+        problems = dict(translated(error, data, Creep)) | problems or {(): error.errors()[0]["msg"]}
     if problems := problems | reading.problems:
         places = reading.places(file, arguments)
         raise StudyError([places.of(Problem(text, key_text(key))) for key, text in problems.items()])
     return law
-
-
-def _message(item: Any) -> str:
-    """Return one error of pydantic in plain words."""
-    if item["type"] != "extra_forbidden":
-        return in_words(item)
-    known = names(*models_of(Creep)[item["loc"][:-1]])
-    return f"unknown key{meant(str(item['loc'][-1]), known)}; allowed: {', '.join(known)}"
 
 
 def read_times(times: Any) -> list[float]:
