@@ -9,9 +9,9 @@ import tifffile
 
 from roughvol.campaign import case_surface, interpretation
 from roughvol.errors import StudyError
-from roughvol.study import Case, loads
+from roughvol.study import loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
-from tests.study.kit import table
+from tests.study.kit import case_of, table
 
 HEIGHTS = random_midpoint_displacement(2.3, 2, seed=1).heights  # 5 x 5
 X, Y = (axis.ravel() for axis in np.indices(HEIGHTS.shape))
@@ -35,21 +35,16 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def _case(folder: Path, surface: str) -> Case:
-    (case,) = loads(f"surface: {{{surface}}}", folder / "study.yaml").cases()
-    return case
-
-
 def test_a_file_and_a_study_that_do_not_agree_are_refused(folder: Path) -> None:
     for surface, key, said in MAPS["agreement"]:
         with pytest.raises(StudyError, match=said) as caught:
-            _case(folder, surface)
+            case_of(folder, surface)
         assert [problem.key for problem in caught.value.problems] == [key], surface
 
 
 def test_heights_come_in_the_unit_of_L(folder: Path) -> None:
     for surface, L, unit, scale in MAPS["units"]:
-        case = _case(folder, surface)
+        case = case_of(folder, surface)
         assert (case.L, case.length_unit) == (pytest.approx(L, rel=1e-12), unit or None), surface
         heights = case_surface.surface_of(case).heights
         np.testing.assert_allclose(heights, scale * HEIGHTS, rtol=1e-12, err_msg=surface)
@@ -57,7 +52,7 @@ def test_heights_come_in_the_unit_of_L(folder: Path) -> None:
 
 def test_the_second_body_takes_the_unit_of_the_first_unless_it_has_its_own(folder: Path) -> None:
     for keys, scale in (("", 1e-3), (", heights_unit: um", 1.0)):
-        case = _case(folder, f"file: bare.npy, L: 7 um, heights_unit: nm, against: {{file: bare.npy{keys}}}")
+        case = case_of(folder, f"file: bare.npy, L: 7 um, heights_unit: nm, against: {{file: bare.npy{keys}}}")
         np.testing.assert_allclose(case_surface.surface_of(case).heights, (1e-3 + scale) * HEIGHTS, rtol=1e-12)
 
 
@@ -70,21 +65,21 @@ def test_the_height_of_a_count_is_one_more_unit(folder: Path) -> None:
 def test_counts_without_a_height_draw_a_warning(folder: Path) -> None:
     tifffile.imwrite(folder / "counts.tif", np.arange(30, dtype="u2").reshape(6, 5))
     said = "counts.tif holds counts, taken as heights in um; heights_unit: 0.95 nm would be the height of a count"
-    assert _case(folder, "file: counts.tif, L: 1000 um").notes == (said,)
+    assert case_of(folder, "file: counts.tif, L: 1000 um").notes == (said,)
     for unit in ("nm", "0.95 nm"):
-        assert not _case(folder, f"file: counts.tif, L: 10 um, heights_unit: {unit}").notes
+        assert not case_of(folder, f"file: counts.tif, L: 10 um, heights_unit: {unit}").notes
     tifffile.imwrite(folder / "heights.tif", np.arange(30, dtype="f4").reshape(6, 5))
-    assert not _case(folder, "file: heights.tif, L: 100 um").notes
+    assert not case_of(folder, "file: heights.tif, L: 100 um").notes
 
 
 def test_what_is_ignored_is_stored_in_words(folder: Path) -> None:
-    text = _case(folder, "file: full.txt, L: 7 nm, header: ignore").surface_text
+    text = case_of(folder, "file: full.txt, L: 7 nm, header: ignore").surface_text
     assert text == "sizes and units in full.txt ignored"
 
 
 def test_a_number_names_a_channel(folder: Path) -> None:
     np.savez(folder / "two.npz", a=HEIGHTS, b=2.0 * HEIGHTS)
-    cases = [_case(folder, f"file: two.npz, L: 1, variable: {name}") for name in ("1", "'1'", "b")]
+    cases = [case_of(folder, f"file: two.npz, L: 1, variable: {name}") for name in ("1", "'1'", "b")]
     assert [case.bodies[0].variable for case in cases] == ["1", "1", "b"]
     assert all(np.array_equal(case_surface.surface_of(case).heights, 2.0 * HEIGHTS) for case in cases)
 
@@ -93,7 +88,7 @@ def test_a_number_names_a_channel(folder: Path) -> None:
 
 
 def _notes(folder: Path, surface: str) -> tuple[str, ...]:
-    case = _case(folder, surface)
+    case = case_of(folder, surface)
     return interpretation.notes(case, case_surface.surface_of(case))
 
 
@@ -121,7 +116,7 @@ def test_files_of_one_length_but_for_rounding_are_cases_of_one_length(folder: Pa
         (folder / name).write_text("x [um] y [um] z [um]\n" + _rows(points), encoding="utf-8")
     near, far = loads("surface: {files: [near.xyz, far.xyz]}", folder / "study.yaml").cases()
     assert near.L == far.L == pytest.approx(0.4, rel=1e-12)
-    alone = _case(folder, "file: far.xyz")
+    alone = case_of(folder, "file: far.xyz")
     assert alone.L != far.L
     np.testing.assert_array_equal(*(case_surface.surface_of(case).heights for case in (far, alone)))
     (folder / "wide.xyz").write_text("x [um] y [um] z [um]\n" + _rows(points * [1.002, 1.002, 1.0]), encoding="utf-8")

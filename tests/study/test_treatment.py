@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from roughvol.campaign import case_surface, one_case
 from roughvol.errors import StudyError, SurfaceError
 from roughvol.store import dataset
-from roughvol.study import Case, loads
+from roughvol.study import Case
 from roughvol.study.sections.height_file import Crop
 from roughvol.study.sections.treatment import Lattice, after, nodes_kept, resampled_nodes
 from roughvol.surfaces import treatment
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
-from tests.study.kit import table
+from tests.study.kit import case_of, surface_of, table
 
 X, Y = np.meshgrid(np.arange(41.0), np.arange(37.0), indexing="ij")
 MAP = treatment.low_pass(np.random.default_rng(0).normal(size=(41, 37)), 1.0, 5.0)
@@ -37,15 +37,11 @@ def folder(tmp_path: Path) -> Path:
 
 
 def _case(folder: Path, keys: str, rest: str = "", L: str = "40 um") -> Case:
-    (case,) = loads(f"surface: {{{keys}, L: {L}}}\n{rest}", folder / "study.yaml").cases()
-    return case
+    return case_of(folder, f"{keys}, L: {L}", rest)
 
 
-def _surface(folder: Path, keys: str, L: str = "40 um") -> Surface:
-    case = _case(folder, keys, L=L)
-    surface = case_surface.surface_of(case)
-    assert surface.shape == case.shape
-    return surface
+def _surface(folder: Path, keys: str) -> Surface:
+    return surface_of(folder, f"{keys}, L: 40 um")
 
 
 # Crop

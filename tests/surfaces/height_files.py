@@ -11,7 +11,6 @@ import pytest
 from netCDF4 import Dataset
 
 from roughvol.errors import RoughvolError
-from roughvol.study import loads
 from roughvol.surfaces.files import reading
 
 HEIGHTS = np.random.default_rng(8).normal(size=(6, 5)).astype("f4").astype(float)  # 6 nodes along x, 5 along y
@@ -62,11 +61,6 @@ def refusals_of(table, file="{}"):
         refused(put(tmp_path / file.format(name), content), pattern)
 
     return test
-
-
-def case_of(folder, surface, rest=""):
-    (case,) = loads(f"surface: {{{surface}}}\n{rest}", folder / "study.yaml").cases()
-    return case
 
 
 def rows(numbers, between=" ", hole="nan"):

@@ -9,12 +9,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import scipy.io
-from height_files import HEIGHTS, HOLED, HOLES, PIXEL, SDF, case_of, library, nms, put, refused, rows, same
+from height_files import HEIGHTS, HOLED, HOLES, PIXEL, SDF, library, nms, put, refused, rows, same
 
 from roughvol.campaign import case_surface
 from roughvol.errors import RoughvolError, StudyError
 from roughvol.surfaces import length_units, treatment
 from roughvol.surfaces.files import instrument, reading
+from tests.study.kit import case_of, surface_of
 
 pytest.importorskip("SurfaceTopography", reason="needs the extra roughvol[measured]")
 
@@ -109,7 +110,7 @@ def test_pixels_that_are_not_square_are_refused_unless_they_are_resampled(tmp_pa
 
 def test_pixels_nearly_square_are_square_and_too_oblong_ones_are_refused_whatever_is_asked(tmp_path):
     library(tmp_path / "nearly.x3p", pixel=(PIXEL, 1.00005 * PIXEL))
-    assert case_surface.surface_of(case_of(tmp_path, "file: nearly.x3p")).shape == (6, 5)
+    assert surface_of(tmp_path, "file: nearly.x3p").shape == (6, 5)
     library(tmp_path / "oblong.x3p", pixel=(PIXEL, 3 * PIXEL))
     for keys in ("", ", resample: square"):
         _refused(tmp_path, f"file: oblong.x3p{keys}", r"surface\.resample: .*allowed: one side up to 2 times the other")

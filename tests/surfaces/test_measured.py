@@ -9,9 +9,9 @@ import xarray as xr
 from roughvol.campaign import case_surface, one_case
 from roughvol.errors import SurfaceError
 from roughvol.store import dataset
-from roughvol.study import loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from tests.campaign.kit import values_of
+from tests.study.kit import case_of
 
 FIRST = random_midpoint_displacement(2.3, 3, seed=1).heights
 SECOND = random_midpoint_displacement(2.5, 3, seed=2).heights
@@ -30,8 +30,7 @@ def folder(tmp_path):
 
 
 def _case(folder, surface, rest=""):
-    (case,) = loads(f"surface: {{{surface}, L: 2}}\n{rest}", folder / "study.yaml").cases()
-    return case
+    return case_of(folder, f"{surface}, L: 2", rest)
 
 
 def test_an_untreated_file_is_pressed_bit_for_bit(folder):

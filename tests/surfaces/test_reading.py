@@ -21,7 +21,6 @@ from height_files import (
     POINTS,
     SDF,
     SHUFFLED,
-    case_of,
     library,
     netcdf,
     nms,
@@ -40,10 +39,10 @@ from height_files import (
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from roughvol.campaign import case_surface
 from roughvol.errors import RoughvolError
 from roughvol.study import HEIGHT_FORMATS
 from roughvol.surfaces.files import reading
+from tests.study.kit import case_of, surface_of
 
 NANOMETRES = 1e3 * HEIGHTS
 L = ", L: 2.5 um"
@@ -152,7 +151,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "measured.md").read_text
 def test_one_scan_is_one_surface_in_every_format(tmp_path, name):
     content, keys = FORMATS[name]
     path, variable = put(tmp_path / name, content), keys.partition("variable: ")[2] or None
-    surface = case_surface.surface_of(case_of(tmp_path, f"file: {name}, unit: um{keys}"))
+    surface = surface_of(tmp_path, f"file: {name}, unit: um{keys}")
     assert surface.spacing == pytest.approx(PIXEL, rel=1e-9)
     error = np.abs(surface.heights - surface.mean_height - (HEIGHTS - HEIGHTS.mean())).max()
     assert error < 2e-5 * np.ptp(HEIGHTS)  # counts of 16 bits

@@ -4,10 +4,10 @@ import struct
 
 import numpy as np
 import pytest
-from height_files import HEIGHTS, HOLED, case_of, put, refusals_of, same, surfer_6, surfer_7, surfer_text
+from height_files import HEIGHTS, HOLED, put, refusals_of, same, surfer_6, surfer_7, surfer_text
 
-from roughvol.campaign import case_surface
 from roughvol.surfaces.files import reading
+from tests.study.kit import surface_of
 
 WRITERS = {"text": surfer_text, "Surfer 6": surfer_6, "Surfer 7": surfer_7}
 
@@ -26,7 +26,7 @@ def test_a_grid_has_its_axes_and_limits(tmp_path, kind, suffix):
 def test_coordinates_that_count_nodes_are_no_lengths(tmp_path, kind):
     path = put(tmp_path / "z.grd", WRITERS[kind](HEIGHTS, (0.0, 5.0), (0.0, 4.0)))
     assert reading.describe(path).counted
-    surface = case_surface.surface_of(case_of(tmp_path, "file: z.grd, L: 10 um, heights_unit: nm"))
+    surface = surface_of(tmp_path, "file: z.grd, L: 10 um, heights_unit: nm")
     assert (surface.side, surface.spacing) == (10.0, 2.0)
     assert np.abs(surface.heights - 1e-3 * HEIGHTS).max() < 1e-15
 

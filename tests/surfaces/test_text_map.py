@@ -2,27 +2,15 @@
 
 import numpy as np
 import pytest
-from height_files import GWYDDION, HEIGHTS, HOLED, POINTS, case_of, put, refusals_of, refused, rows, same
+from height_files import GWYDDION, HEIGHTS, HOLED, POINTS, put, refusals_of, refused, rows, same
 
 from roughvol.surfaces import length_units
 from roughvol.surfaces.files import reading
+from tests.study.kit import case_of
 
 X, Y = POINTS[:, 0], POINTS[:, 1]
 TURNED = rows(HEIGHTS.T)
 INSIST = r".*surface\.columns: heights"
-
-
-@pytest.mark.parametrize(
-    ("hole", "between"),
-    [
-        *(("***", " "), ("BAD", ";"), ("NaN", ","), ("--", " "), ("#N/A", ";"), ("inf", ","), ("-9999", " ")),
-        *(("1e38", ","), ("-1.#IND", ",")),
-    ],
-)
-def test_marks_of_missing_heights_are_holes(tmp_path, hole, between):
-    path = put(tmp_path / "z.txt", rows(HOLED, between, hole))
-    same(path, HOLED, holes=True)
-    refused(path, r"3 heights are missing or not finite, the first in row 1, column 2")
 
 
 @pytest.mark.parametrize(
@@ -63,8 +51,11 @@ def test_numbers_in_rows_are_heights(tmp_path, name):
     same(put(tmp_path / "z.txt", text), expected, holes=True)
 
 
-@pytest.mark.parametrize("mark", ["-1.#IND", "1.#QNAN00", "#DIV/0!", "#N/A", "No Data", "NoData", "no_data", "invalid"])
-@pytest.mark.parametrize("between", [" ", "\t", ";"])
+OF_PROGRAMS = ["-1.#IND", "1.#QNAN00", "#DIV/0!", "#N/A", "No Data", "NoData", "no_data", "invalid", "***", "BAD", "--"]
+
+
+@pytest.mark.parametrize("mark", [*OF_PROGRAMS, "NaN", "inf", "-9999", "1e38"])
+@pytest.mark.parametrize("between", [" ", "\t", ";", ","])
 def test_marks_of_other_programs_are_missing_heights(tmp_path, mark, between):
     first = np.where(np.arange(5) == 0, np.nan, HOLED)  # in the first line, too
     same(put(tmp_path / "z.txt", rows(first, between, mark) + f"# {mark}\n"), first, holes=True)
