@@ -119,10 +119,8 @@ class ConvergenceError(RoughvolError, RuntimeError):
 
     def __str__(self) -> str:
         """Return the message, then the numbers."""
-        return (
-            f"{self.args[0]} (indentation {self.indentation:.6g}, {self.iterations} iterations, "
-            f"residual {self.residual:.3g})"
-        )
+        numbers = f"{self.iterations} iterations, residual {self.residual:.3g}"
+        return f"{self.args[0]} (indentation {self.indentation:.6g}, {numbers})"
 
 
 class DatasetError(RoughvolError, OSError):

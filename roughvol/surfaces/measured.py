@@ -43,9 +43,8 @@ def _pressed(
     bodies: Sequence[Body], measured: Sequence[Array], treatment: Treatment, L: float, periodic: bool
 ) -> tuple[Array, int, int]:
     """Return the heights that are pressed, the number of filled ones, and the number of outliers taken out."""
-    (total, filled, removed), *others = (
-        _treated(heights, body, treatment, L, periodic) for heights, body in zip(measured, bodies, strict=True)
-    )
+    pairs = zip(measured, bodies, strict=True)
+    (total, filled, removed), *others = (_treated(*pair, treatment, L, periodic) for pair in pairs)
     for body, (heights, missing, count) in zip(bodies[1:], others, strict=True):
         if heights.shape != total.shape:
             message = f"{body.file}: has {heights.shape} nodes; allowed: {total.shape}, as {bodies[0].file} has"
@@ -66,13 +65,8 @@ def notes(surface: Surface, unit: str | None) -> tuple[str, ...]:
 
 def _measured(body: Body, treatment: Treatment, unit: str | None) -> Array:
     """Return the heights of one body as its file holds them, in the unit of the study."""
-    heights = reading.read(
-        body.file,
-        variable=body.variable,
-        holes=treatment.missing != "refuse",
-        columns=body.columns,
-        ignore_header=body.header == "ignore",
-    )
+    holes, ignored = treatment.missing != "refuse", body.header == "ignore"
+    heights = reading.read(body.file, body.variable, holes=holes, columns=body.columns, ignore_header=ignored)
     with body.file.open("rb") as stream:
         sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
     if sha256 != body.sha256:

@@ -53,10 +53,8 @@ def spectral(surface: Surface) -> Spectral:
     shown = slice(1, last + 1)
     with np.errstate(invalid="ignore", divide="ignore"):
         density = moments[0][shown] / numbers[shown] * (rows * columns * spacing * spacing) * unit * unit
-    below = [
-        unit * np.sqrt(np.cumsum(moment)[shown] * share)
-        for moment, share in zip(moments, (1.0, 1.0, 0.25), strict=True)
-    ]
+    shares = zip(moments, (1.0, 1.0, 0.25), strict=True)
+    below = [unit * np.sqrt(np.cumsum(moment)[shown] * share) for moment, share in shares]
     m0, m2, m4 = (float(moment.sum()) for moment in moments)
     return Spectral(
         wave=np.arange(1, last + 1, dtype=np.intp),

@@ -215,10 +215,8 @@ def _checked_heights(heights: ArrayLike) -> Array:
     bad = ~np.isfinite(checked)
     if bad.any():
         row, column = np.argwhere(bad)[0].tolist()
-        raise SurfaceError(
-            f"heights must be finite, got {int(bad.sum())} NaN or infinite out of {bad.size}, "
-            f"the first at [{row}, {column}] ({checked[row, column]})"
-        )
+        first = f"the first at [{row}, {column}] ({checked[row, column]})"
+        raise SurfaceError(f"heights must be finite, got {int(bad.sum())} NaN or infinite out of {bad.size}, {first}")
     height_range = float(checked.max()) - float(checked.min())
     if not math.isfinite(height_range):
         raise SurfaceError(f"heights must have a finite range, got {checked.min():.3g} … {checked.max():.3g}")

@@ -96,9 +96,7 @@ class Creep(Strict):
     prony: Prony | None = optional("{shares, times}: 1 + sum of shares (1 - exp(-t/times))")
     power: Power | None = optional("{exponent, time}: 1 + (t/time)^exponent")
     table: Table | None = optional("{times, ratios} or {times, moduli}")
-    body: Literal["first", "second", "both"] | None = optional(
-        "the body that creeps, for a study with material.against; second is against"
-    )
+    body: Literal["first", "second", "both"] | None = optional("the body that creeps, of two; second: material.against")
     share: Annotated[float, Field(gt=0, le=1)] | None = optional(
         "share of 1/E* that creeps, 0 < share <= 1, for a study with material.E_star; default: 1"
     )
@@ -134,14 +132,9 @@ class Creep(Strict):
         """Return the share of 1/E* that creeps."""
         two = isinstance(material, YoungPoisson) and material.against is not None
         if self.share is not None and not isinstance(material, ContactModulus):
-            message = "is for a study with material.E_star; the study has E and nu, and its share follows from them"
-            _refuse(message, "share")
+            _refuse("is for a study with material.E_star; of E and nu, the share follows from them", "share")
         if two and self.body is None:
-            message = (
-                "missing: the study has two elastic bodies (material.against); allowed: "
-                "first (E, nu), second (against), both"
-            )
-            _refuse(message, "body")
+            _refuse("missing: both bodies are elastic; allowed: first (E, nu), second (against), both", "body")
         if not two and self.body == "second":
             _refuse("is second, and the study has no material.against; allowed: none, first", "body")
         if not two or self.body == "both":

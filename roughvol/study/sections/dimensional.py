@@ -46,9 +46,7 @@ class Dimensional(Choice):
     mean_gap: LengthUnit | None = optional("store the mean gap V* Sq in this unit, as um")
     separation: LengthUnit | None = optional("store the separation d of the mean planes in this unit, as um")
     critical_gap: LengthUnit | None = optional("store the critical gaps along x and y in this unit, as um")
-    leak_rate: LeakRate | None = optional(
-        "store the leak rates along x and y: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit}"
-    )
+    leak_rate: LeakRate | None = optional("leak rates along x and y: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit}")
     gas_leak_rate: Annotated[str, unit_name("throughput")] | None = optional(
         "store the leak rates of the gas (section fluid) in this unit, as mbar*l/s or sccm"
     )
@@ -64,8 +62,7 @@ class FluidPressure(Strict):
         0.0, "fluid pressure at the outlet, 0 <= outlet < inlet: in the unit of p*, or as 1 bar"
     )
     coupling: Literal["one-way", "full"] = default(
-        "full",
-        "'one-way': the fluid pressure of the dry gap changes the gap once; 'full': until gap and fluid pressure agree",
+        "full", "'one-way': the fluid pressure of the dry gap changes the gap once; 'full': until both agree"
     )
     at: Selector = default(Select(), f"states, each at its load: {IN_WORDS}")
     fields: bool = default(False, "store the lifted gaps, fluid_gap: true or false")

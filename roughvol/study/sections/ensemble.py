@@ -105,9 +105,7 @@ class Accuracies(Choice):
     pressure: HalfWidth | None = _mean("p*")
     separation: HalfWidth | None = _mean("d/σ")
     indentation: HalfWidth | None = _mean("Δ/σ")
-    connected_volume_fraction: HalfWidth | None = _mean(
-        "free volume connected to a side over all; record.transport.percolation"
-    )
+    connected_volume_fraction: HalfWidth | None = _mean("share of V* connected to a side; record.transport.percolation")
     transmissivity: HalfWidth | None = _mean("T*, mean of both axes; record.transport.transmissivity")
     log_leak_rate: HalfWidth | None = _mean("log10(T* V*^3), mean of both axes; record.transport.transmissivity")
     percolation_pressure: HalfWidth | None = _mean("p* at which no way is left along x or y; sweep.to: percolation")

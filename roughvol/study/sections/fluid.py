@@ -53,12 +53,8 @@ LAWS = Literal["kinetic", "slip", "viscous"]
 class OwnGas(Strict):
     """A gas by viscosity and molar mass."""
 
-    viscosity: Viscosity = Field(
-        description="dynamic viscosity at the temperature of the study, > 0, with its unit as 18 uPa*s"
-    )
-    molar_mass: Annotated[Positive, In("molar mass", needed=True)] = Field(
-        description="molar mass, > 0, with its unit as 29 g/mol"
-    )
+    viscosity: Viscosity = Field(description="dynamic viscosity at the temperature of the gas, > 0, as 18 uPa*s")
+    molar_mass: Annotated[Positive, In("molar mass", needed=True)] = Field(description="molar mass, > 0, as 29 g/mol")
 
 
 def _above_zero(temperature: float) -> float:

@@ -45,10 +45,7 @@ _FILE = (
     f"height field, one of {' '.join('*' + suffix for suffix in HEIGHT_FORMATS)}, or with {EXTRA} a file of an "
     "instrument (*.al3d *.sur *.x3p *.gwy ...), relative to the study file"
 )
-_VARIABLE = (
-    "array of an .npz, .nc, .h5 or .mat file, channel of a file of an instrument, or page of a TIFF: its name, or its "
-    "number from 0"
-)
+_VARIABLE = "array (.npz, .nc, .h5, .mat), channel of an instrument, or page of a TIFF: its name, or number from 0"
 _HEIGHTS_UNIT = "unit of the heights, if the file has none, or the height of a count with its unit, as 0.95 nm"
 _COLUMNS = "'heights': all columns of a text are heights, even three as of points x y z"
 _HEADER = "'ignore': use L and heights_unit of the study instead of sizes and units in the file"
@@ -144,12 +141,8 @@ Part = Annotated[tuple[Position, Position], two("positions"), RISING]
 class Crop(Strict):
     """A rectangle of a measured map, as shares of its sides or lengths with a unit."""
 
-    x: Part = default(
-        (0.0, 1.0), "[from, to] along the first axis: shares 0 <= from < to <= 1, or lengths as [10 um, 30 um]"
-    )
-    y: Part = default(
-        (0.0, 1.0), "[from, to] along the second axis: shares 0 <= from < to <= 1, or lengths as [10 um, 30 um]"
-    )
+    x: Part = default((0.0, 1.0), "[from, to] on the first axis: shares 0 <= from < to <= 1, or lengths [1 um, 3 um]")
+    y: Part = default((0.0, 1.0), "[from, to] on the second axis: shares 0 <= from < to <= 1, or lengths [1 um, 3 um]")
 
 
 class Outliers(Strict):
@@ -191,9 +184,7 @@ class HeightFile(Sized):
 
     file: HeightPath = Field(description=f"{_FILE}; several: files")
     files: Annotated[tuple[HeightPath, ...], AS_TUPLE, WithJsonSchema(_FILES)] = default(
-        (),
-        "instead of file: a pattern as scans/*.al3d, or a list of files, each a case of its own; all of "
-        "one length and unit",
+        (), "instead of file: a pattern as scans/*.al3d, or a list, each file a case; all of one length and unit"
     )
     L: Length | None = optional(
         "length of the first axis, L > 0, with its unit or in that of the heights; default: size in the "
@@ -204,31 +195,21 @@ class HeightFile(Sized):
     heights_unit: HeightsUnit | None = optional(_HEIGHTS_UNIT + "; default: that of L")
     columns: Columns | None = optional(_COLUMNS)
     header: Header | None = optional(_HEADER)
-    crop: Crop | None = optional(
-        "{x: [from, to], y: [from, to]}: part of the map to press, as shares of its sides or lengths "
-        "with a unit; L is that of the whole map"
-    )
+    crop: Crop | None = optional("{x: [from, to], y: [from, to]}: part of the map to press; L is that of the map")
     outliers: Outliers | None = optional("{sigma, window}: remove single spikes; {}: 6 and 5 nodes")
-    downsample: Annotated[int, Field(ge=1, le=1000), WHOLE] = default(
-        1, "side in nodes of block means, 1 to 1000; 1 keeps every node"
-    )
+    downsample: Annotated[int, Field(ge=1, le=1000), WHOLE] = default(1, "nodes a side of a block mean, 1 to 1000")
     resample: Resampling = default("none", "'none', or 'square': interpolate oblong pixels onto square ones")
     level: Levelling = default(
         "none", "least-squares surface subtracted from the known heights: 'none', 'mean', plane ('tilt') or 'quadratic'"
     )
     missing: Missing = default(
-        "refuse",
-        "missing heights: 'refuse' the file, take the 'nearest' known one, or 'interpolate' (each the mean "
-        "of its neighbours)",
+        "refuse", "missing heights: 'refuse', take the 'nearest' known one, or 'interpolate' by the mean of neighbours"
     )
     low_pass: Length | None = optional(
-        "cut-off wavelength of a Gaussian low-pass filter (ISO 16610-61), with its unit or in that of L, "
-        "from twice the spacing to the shorter side; default: no filter"
+        "cut-off of a Gaussian filter (ISO 16610-61), with its unit or in that of L, 2 spacings to the shorter side"
     )
     sides: Sides = default("mirrored", SIDES)
-    against: CounterBody | None = optional(
-        "{file, variable, mirror}: the second of two rough bodies; heights are added"
-    )
+    against: CounterBody | None = optional("{file, variable, mirror}: second of two rough bodies; heights are added")
 
     @model_validator(mode="before")
     @classmethod

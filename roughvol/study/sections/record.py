@@ -52,9 +52,7 @@ class BoxCounting(Strict):
     """Box counting of the domains v <= threshold × max(v)."""
 
     at: Selector = default(Select(), f"states: {IN_WORDS}")
-    thresholds: Many[Fraction] = default(
-        (0.0, 0.1, 0.25, 0.5, 1.0), "fractions of the largest element volume, 0 to 1; a list"
-    )
+    thresholds: Many[Fraction] = default((0.0, 0.1, 0.25, 0.5, 1.0), "fractions of the largest element volume, 0 to 1")
 
 
 class VolumeDensity(Strict):
@@ -111,18 +109,14 @@ class Transport(Choice):
     transmissivity: States | None = optional(f"flow of div(g^3 grad P) = 0, x and y: {_WHEN}")
     quadrants: States | None = optional(f"flow of div(g^3 grad P) = 0 through the four quadrants, x and y: {_WHEN}")
     diffusivity: States | None = optional(f"flow of div(g grad P) = 0, x and y: {_WHEN}")
-    cell_transmissivity: States | None = optional(
-        f"flow of div(g^3 grad P) = 0 through the endless plane of a periodic surface: {_WHEN}"
-    )
+    cell_transmissivity: States | None = optional(f"flow of div(g^3 grad P) = 0 through a periodic plane: {_WHEN}")
     gas_flow: States | None = optional(f"flow of the gas of the section fluid, x and y, also at flux_at: {_WHEN}")
     estimates: States | None = optional(f"both coefficients by effective medium and by single junction: {_WHEN}")
     closing: Annotated[bool | None, AfterValidator(lambda given: given or None)] = optional(
         "load at which the last way along x and y closes on loading, solved between the steps or beyond: true or false"
     )
     flux_at: Selector | None = optional(f"flux of div(g^3 grad P) = 0 as fields: {IN_WORDS}")
-    accuracy: FlowAccuracy | None = optional(
-        "allowed relative error of a flow, 1e-12 to 0.1, or as 0.1 %; default: 1e-4"
-    )
+    accuracy: FlowAccuracy | None = optional("allowed relative error of a flow, 1e-12 to 0.1, as 0.1 %; default: 1e-4")
 
     @model_validator(mode="after")
     def _asks_for_something(self) -> Transport:
@@ -155,7 +149,7 @@ class RegionWidths(Strict):
     """A*, p*, V* and transmissivity inside central squares of several widths, from one solution."""
 
     shares: Many[AreaFraction] = default(
-        (1.0, 0.75, 0.5, 0.25), "widths of the central squares over that of the surface, 0 to 1"
+        (1.0, 0.75, 0.5, 0.25), "widths of central squares over that of the whole, 0 to 1"
     )
     at: States = Field(default=EVERY_STEP, validate_default=True, description=f"states of A*, p* and V*: {_WHEN}")
     transmissivity: States | None = optional(f"states of the transmissivity, x and y: {_WHEN}")
@@ -187,32 +181,22 @@ class Record(Strict):
         "and curvature by scale, and Nayak's parameter: true (before load), false or {at: states}"
     )
     contact_perimeter: bool = default(
-        False,
-        "length of the edges between contact and void at every step, for the corrected contact area: true or false",
+        False, "length of the edges between contact and void at every step, for the corrected contact area"
     )
     transport: Transport | None = optional("quantities of the void, each with its states")
-    fluid_pressure: FluidPressure | None = optional(
-        "contact under the pressure of a fluid in its gap: {inlet: 5 bar, at: states}"
-    )
+    fluid_pressure: FluidPressure | None = optional("contact under fluid pressure: {inlet: 5 bar, at: states}")
     region: Annotated[Region, Word("interior", INTERIOR)] | None = optional(
         "region of all observables but heights and fields: 'interior' (the central half of each side) or "
         "{x: [from, to], y: [from, to]}; default: the whole surface"
     )
-    region_widths: RegionWidths | None = optional(
-        "A*, p*, V* and transmissivity of central squares of several widths; {}: defaults"
-    )
-    dimensional: Dimensional | None = optional(
-        "quantities stored with units too: pressure, free_volume, mean_gap, leak_rate …"
-    )
+    region_widths: RegionWidths | None = optional("A*, p*, V*, T* in central squares of several widths; {}: defaults")
+    dimensional: Dimensional | None = optional("quantities with units: pressure, free_volume, mean_gap, leak_rate …")
 
     own: Own | None = optional(
-        "{name: module:function}: functions of a solved state, stored by name at every step, or names of "
-        "entry points of the group roughvol.observables"
+        "{name: module:function}: functions of a solved state at every step, or entry points of roughvol.observables"
     )
     all_legs: bool = default(
-        False,
-        "true: levels are taken on every leg of a path, that of a further leg as 'pressure=0.5, leg 2'; "
-        "false: on the first leg that reaches them",
+        False, "false: levels on the first leg that reaches them; true: on every leg, as 'pressure=0.5, leg 2'"
     )
 
     @property

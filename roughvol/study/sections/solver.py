@@ -66,17 +66,13 @@ class Solver(Strict):
         "standard", f"bound on the residual η/σ: {', '.join(f'{k} {v:g}' for k, v in ACCURACY.items())}"
     )
     rtol: Tolerance | None = optional("bound on the residual η/σ, 1e-12 to 1e-1; overrides accuracy")
-    max_error: MaxError | None = optional(
-        "{free_volume, mean_pressure}: largest errors allowed; instead of accuracy and rtol"
-    )
+    max_error: MaxError | None = optional("{free_volume, mean_pressure}: largest errors, instead of accuracy and rtol")
     kernel: Literal[FreeKernel, PeriodicKernel] = default(
         "love",
         "influence of an element: 'love' (uniform pressure) or 'punch' (rigid circular punch); 'fourier' "
         "(waves of the grid alone) on mirrored and periodic surfaces",
     )
-    method: Literal["fast", "paper"] = default(
-        "fast", f"'fast', or 'paper': the paper's dense Algorithm 1, for m <= {PAPER_MAX_M}"
-    )
+    method: Literal["fast", "paper"] = default("fast", f"'fast', or 'paper': its dense Algorithm 1, m <= {PAPER_MAX_M}")
 
     @property
     def tolerance(self) -> float:

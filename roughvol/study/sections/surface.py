@@ -121,14 +121,10 @@ class GeneratedSurface(Sized):
     )
     L: Length = default(100.0, "lateral size, L > 0, as 100 or 100 um")
     seeds: Seeds = Field(default=10)  # type: ignore[arg-type]  # a number, see `_counted`
-    midpoint_law: Literal["std", "variance"] = default(
-        "std", "quantity divided by 2^((3-D)/2) in each half step: 'std' or 'variance'"
-    )
+    midpoint_law: Literal["std", "variance"] = default("std", "quantity divided by 2^((3-D)/2) in each half step")
     sides: Sides = default("free", SIDES)
     unit: LengthUnit | None = optional(UNIT)
-    Sq: Length | None = optional(
-        "root mean square of the stored heights, > 0, with its unit or in that of L; default: not scaled"
-    )
+    Sq: Length | None = optional("root mean square height, > 0, with its unit or in that of L; default: not scaled")
 
     @property
     def is_isotropic(self) -> bool:
@@ -155,16 +151,12 @@ class SpectralSurface(Sized):
         description=f"nodes per side of the period, a power of two, {FEWEST} to {MOST}; n + 1 with the repeated edge "
         "of free and mirrored surfaces; a number or a list; 'auto' for an ensemble, with cut or shortest"
     )
-    rolloff: float = Field(
-        default=1.0, ge=1, description="L over the roll-off wavelength λ_r, >= 1; 1: a power law up to L"
-    )
+    rolloff: float = Field(default=1.0, ge=1, description="L over the roll-off wavelength λ_r, >= 1; 1: no roll-off")
     cut: Annotated[float, Field(gt=1)] | None = optional(
         "L over the short cut-off wavelength λ_s, > rolloff, at most half the largest n; default: half the largest n"
     )
     shortest: Length | None = optional("λ_s instead of cut: a share of L as 0.01, or a length with its unit as 1 um")
-    Sq: Length | None = optional(
-        "root mean square height of the period, > 0, with its unit or in that of L; default: 1"
-    )
+    Sq: Length | None = optional("root mean square height of a period, > 0, with its unit or in that of L; default: 1")
     slope: Positive | None = optional("root mean square slope of the period instead of Sq, > 0")
     Ssk: Annotated[float, Field(ge=-STEEPEST, le=STEEPEST)] | None = optional(
         f"skewness of the heights, -{STEEPEST:g} to {STEEPEST:g}; default: Gaussian heights"

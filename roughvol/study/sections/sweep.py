@@ -103,9 +103,7 @@ class Target(Choice):
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
-    percolation: Literal["x", "y", "both"] | None = optional(
-        "end without an open way from side to side: along 'x', 'y' or 'both'"
-    )
+    percolation: Literal["x", "y", "both"] | None = optional("end without an open way along 'x', 'y' or 'both'")
     indentation: Length | None = optional("end at this Δ/σ > 0, or Δ as 2 um")
     contact_area: AreaFraction | None = optional("end at this A*, 0 < A* <= 1")
     pressure: Pressure | None = optional("end at this p* > 0, or p as 0.5 MPa")
@@ -114,8 +112,7 @@ class Target(Choice):
     mean_gap: Gap | None = optional("end at this mean gap > 0, as 1 um")
     load: Load | None = optional(f"end at this load > 0 on the whole surface, as 20 N; {OF_ALL}")
     leak_rate: Flow | None = optional(
-        "end where the leak rates along both axes have fallen to this, as 1e-3 mm^3/s; the fluid is that "
-        "of record.dimensional.leak_rate"
+        "end where both leak rates have fallen to this, as 1e-3 mm^3/s; the fluid is record.dimensional.leak_rate"
     )
     leak_rate_x: Flow | None = optional("end where the leak rate along x has fallen to this")
     leak_rate_y: Flow | None = optional("end where the leak rate along y has fallen to this")
@@ -146,9 +143,10 @@ End = Annotated[
     | Annotated[T, Word(PERCOLATION, (("percolation", "both"),), PLANES), Tag("<state>")],
     Discriminator(_tag_to),
 ]
-_TARGETS = (
-    "{percolation: x|y|both}, {indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, {free_volume: x}, "
-    "{mean_gap: 1 um}, {load: 20 N}, {leak_rate: 1e-3 mm^3/s}"
+_ENDS = (
+    "last state: mean-plane, summit-plane, percolation, or one of {percolation: x|y|both}, {indentation: x}, "
+    "{contact_area: x}, {pressure: x}, {separation: x}, {free_volume: x}, {mean_gap: 1 um}, {load: 20 N}, "
+    "{leak_rate: 1e-3 mm^3/s}"
 )
 
 
@@ -174,16 +172,12 @@ class Sweep(Strict):
     steps: Annotated[int, Field(ge=0, le=10_000), WHOLE] = default(
         60, "number of equal steps of indentation, 0 to 10000; 0: no contact; 20 in an ensemble without steps"
     )
-    to: End[Target] = default(
-        "mean-plane", f"last state: mean-plane, summit-plane, percolation (no open way left), or one of {_TARGETS}"
-    )
+    to: End[Target] = default("mean-plane", _ENDS)
     equal: Literal["indentation", "pressure", "log pressure"] = default(
-        "indentation",
-        "quantity of equal steps: 'indentation', 'pressure', or 'log pressure' (equal ratios from 'first')",
+        "indentation", "equal steps of 'indentation', 'pressure', or 'log pressure' (equal ratios from 'first')"
     )
     first: Pressure | None = optional(
-        "p* or pressure of the first step on the first leg, with equal: log pressure; default: that of the "
-        "last step over 1000"
+        "p* or pressure of the first step of all, with equal: log pressure; default: that of the last step over 1000"
     )
     pressures: Many[Pressure] = _listed("p* > 0 or pressures as 0.1 MPa")
     loads: Many[Load] = _listed("loads on the whole surface, as 20 N", f"; {OF_ALL}")
@@ -285,20 +279,14 @@ class LegTarget(Target):
     """The last state of a leg. Indentation and pressure may fall to zero."""
 
     indentation: Annotated[Fallen, In("length")] | None = optional("end at this Δ/σ >= 0, or Δ as 2 um")
-    pressure: Annotated[Fallen, In("pressure")] | None = optional(
-        "end at this p* >= 0, or p as 0.5 MPa; 0 is where contact is lost"
-    )
+    pressure: Annotated[Fallen, In("pressure")] | None = optional("end at this p* >= 0, or p as 0.5 MPa; 0: no contact")
 
 
 class Leg(Sweep):
     """A leg of a path: number of equal steps of indentation from the end of the leg before, and the last state."""
 
-    steps: Annotated[int, Field(ge=1, le=10_000), WHOLE] = default(
-        60, "number of equal steps of indentation on this leg, 1 to 10000"
-    )
-    to: End[LegTarget] = default(
-        "mean-plane", f"last state of the leg: mean-plane, summit-plane, percolation, or one of {_TARGETS}"
-    )
+    steps: Annotated[int, Field(ge=1, le=10_000), WHOLE] = default(60, "equal steps of indentation, 1 to 10000")
+    to: End[LegTarget] = default("mean-plane", _ENDS)
     pressures: Many[Annotated[Fallen, In("pressure")]] = _listed("p* >= 0 or pressures as 0.1 MPa")
     indentations: Many[Annotated[Fallen, In("length")]] = _listed("Δ/σ >= 0 or lengths")
 

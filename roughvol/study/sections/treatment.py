@@ -50,10 +50,8 @@ class Lattice:
 def steps(treatment: Treatment, unit: str | None) -> list[str]:
     """Return the steps in words, in their order; lengths in the unit of the study."""
     texts = []
-    if treatment.crop is not None:
-        texts.append(
-            "cropped to nodes {} to {} along x and {} to {} along y".format(*treatment.crop[0], *treatment.crop[1])
-        )
+    if (crop := treatment.crop) is not None:
+        texts.append("cropped to nodes {} to {} along x and {} to {} along y".format(*crop[0], *crop[1]))
     if treatment.outliers is not None:
         sigma, window = treatment.outliers
         texts.append(

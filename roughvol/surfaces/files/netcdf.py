@@ -21,10 +21,7 @@ from numpy.typing import NDArray
 from roughvol.errors import SurfaceError
 from roughvol.surfaces.files.description import Description, HeightMap, Request, array_name, length_unit, map_shape
 
-_AXES = (
-    re.compile(r"(?:.*_)?(?:x|lon|longitude|easting)", re.IGNORECASE),
-    re.compile(r"(?:.*_)?(?:y|lat|latitude|northing)", re.IGNORECASE),
-)
+_AXES = [re.compile(rf"(?:.*_)?(?:{name})", re.I) for name in ("x|lon|longitude|easting", "y|lat|latitude|northing")]
 ENDINGS = (".nc", ".nc4", ".cdf")
 CLASSIC = (b"CDF\1", b"CDF\2", b"CDF\5")  # first bytes of classic netCDF
 HDF5 = b"\x89HDF\r\n\x1a\n"  # first bytes of HDF5, and so of netCDF 4

@@ -17,19 +17,17 @@ from roughvol.errors import DatasetError, SurfaceError
 from roughvol.surfaces.files.description import NotRead, first_bytes
 from roughvol.typing import Array
 
-_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?|[-+]?(?:inf|infinity)", re.IGNORECASE)
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?|[-+]?(?:inf|infinity)", re.I)
 _SHEET = r"#(?:n/a|div/0!|num!|value!|ref!|null!)"  # of a spreadsheet
-_C = re.compile(r"(?<![\w.])[-+]?1[.,]#(?:ind|qnan|snan|inf)0*(?!\w)", re.IGNORECASE)  # no number, in C on Windows
-_MISSING = re.compile(
-    rf"|[-+]?nan|na|n/a|{_SHEET}|null|none|bad|void|no_?data|invalid|undefined|\*+|-+|\?+", re.IGNORECASE
-)
-_NO_DATA = re.compile(r"\bno data\b", re.IGNORECASE)
+_C = re.compile(r"(?<![\w.])[-+]?1[.,]#(?:ind|qnan|snan|inf)0*(?!\w)", re.I)  # no number, in C on Windows
+_MISSING = re.compile(rf"|[-+]?nan|na|n/a|{_SHEET}|null|none|bad|void|no_?data|invalid|undefined|\*+|-+|\?+", re.I)
+_NO_DATA = re.compile(r"\bno data\b", re.I)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _PAIR = r"[-+]?(?:0|[1-9]\d*),\d+"
 _PAIRS = re.compile(rf"{_PAIR}(?:,{_PAIR})+")  # numbers with decimal commas, and commas between them
 _NO_WHOLE = re.compile(r"-0,|,0\d")  # in pairs of whole numbers
 _QUOTED = re.compile(r'"([-+]?\d+),(\d+(?:[eE][-+]?\d+)?)"')
-_COMMENT = re.compile(rf"(?!{_SHEET})#.*", re.IGNORECASE)
+_COMMENT = re.compile(rf"(?!{_SHEET})#.*", re.I)
 _SAMPLE = 50  # lines searched for the delimiter
 _HEAD = 4096  # bytes searched for control characters
 
@@ -91,7 +89,7 @@ def table(text: Text) -> Array:
     """Return the numbers of a text, a row for each line, NaN where a cell is empty or marked as missing."""
     if any('","' in line for _, line in text.data):
         text = replace(text, data=[(number, _QUOTED.sub(r"\1.\2", line)) for number, line in text.data])
-    sample = [line for _, line in text.data[:_SAMPLE]]
+    where, sample = f"line {text.data[0][0]}", [line for _, line in text.data[:_SAMPLE]]
     mark = _delimiter(sample)
     if mark is None:
         text = replace(text, data=[(number, line) for number, line in text.data if line.strip()])
@@ -104,13 +102,11 @@ def table(text: Text) -> Array:
     spaced = any(cell.endswith(",") for cell in cells)
     pairs = all(map(_PAIRS.fullmatch, lines)) and any(map(_NO_WHOLE.search, lines))
     if pairs or (spaced and all(_DECIMAL_COMMA.fullmatch(cell.rstrip(",")) for cell in cells)):
-        raise DatasetError(
-            f"line {text.data[0][0]} holds commas in its numbers and between them; allowed: semicolons "
-            "between them, or numbers in quotation marks"
-        )
+        allowed = "semicolons between them, or numbers in quotation marks"
+        raise DatasetError(f"{where} holds commas in its numbers and between them; allowed: {allowed}")
     if mark != "," and any("," in line for line in lines):
         if any("." in line for line in lines):
-            raise DatasetError(f"line {text.data[0][0]} holds both commas and points; allowed: one decimal mark")
+            raise DatasetError(f"{where} holds both commas and points; allowed: one decimal mark")
         lines = [line.replace(",", ".") for line in lines]
     try:
         return np.loadtxt(lines, delimiter=mark, comments=None, ndmin=2)

@@ -38,22 +38,18 @@ _HAS_UNIT = re.compile(
     r"\bin\s+(?:m|met(?:er|re)s?)(?=$|[,;.])"
 )
 _NUMBER_WITH_UNIT = re.compile(rf"{_FLOAT}\s*(?:{_UNIT}|m|met(?:er|re)s?)(?![^\W\d_])")
-_LATERAL = re.compile(
-    r"\b(?:x|y|xy|lateral|width|length|pixels?|spacing|step|size|scan|axis|cut.?off|tip)\b", re.IGNORECASE
-)
-_VERTICAL = re.compile(r"\b(?:z|heights?|values?|data|elevations?|topography|depths?)\b", re.IGNORECASE)
-_COLUMN = re.compile(r"(x|y|z|h|heights?|elevation|topography)\s*(?:[\[(/_]\s*([^\])]*?)\s*[\])]?)?", re.IGNORECASE)
+_LATERAL = re.compile(r"\b(?:x|y|xy|lateral|width|length|pixels?|spacing|step|size|scan|axis|cut.?off|tip)\b", re.I)
+_VERTICAL = re.compile(r"\b(?:z|heights?|values?|data|elevations?|topography|depths?)\b", re.I)
+_COLUMN = re.compile(r"(x|y|z|h|heights?|elevation|topography)\s*(?:[\[(/_]\s*([^\])]*?)\s*[\])]?)?", re.I)
 _ESRI = re.compile(
-    r"(ncols|nrows|[xy]ll(?:corner|center)|cellsize|dx|dy|nodata_value)\s+([-+.,\deE]+|[-+]?(?:nan|inf))", re.IGNORECASE
+    r"(ncols|nrows|[xy]ll(?:corner|center)|cellsize|dx|dy|nodata_value)\s+([-+.,\deE]+|[-+]?(?:nan|inf))", re.I
 )
-_SIZE = re.compile(rf"(width|height)\s*[:=]\s*{_FLOAT}\s*(.*)", re.IGNORECASE)
-_CHANNEL = re.compile(r"channel\s*[:=]\s*(.*)", re.IGNORECASE)
-_HEIGHTS_UNIT = re.compile(r"(?:value|height|z)s?[- ]units?\s*[:=]\s*(.*)", re.IGNORECASE)
+_SIZE = re.compile(rf"(width|height)\s*[:=]\s*{_FLOAT}\s*(.*)", re.I)
+_CHANNEL = re.compile(r"channel\s*[:=]\s*(.*)", re.I)
+_HEIGHTS_UNIT = re.compile(r"(?:value|height|z)s?[- ]units?\s*[:=]\s*(.*)", re.I)
 # Sizes and factors that only SurfaceTopography reads, also in comments without a unit
-_PIXELS = re.compile(
-    r"\b(?:pixel\s+size|lateral[- ]units?)\s*[:=]|(?:^|[\s,;])[hw]\s*=\s*\d+(?!\S*[.\d])", re.IGNORECASE
-)
-_FACTOR = re.compile(r"\bheight\s+conversion\s+factor\b", re.IGNORECASE)
+_PIXELS = re.compile(r"\b(?:pixel\s+size|lateral[- ]units?)\s*[:=]|(?:^|[\s,;])[hw]\s*=\s*\d+(?!\S*[.\d])", re.I)
+_FACTOR = re.compile(r"\bheight\s+conversion\s+factor\b", re.I)
 _EVEN = 1e-6  # largest relative difference of steps of a coordinate
 _LINE = 8  # least number of even steps that make a coordinate of one line alone
 _DIGITS = 6  # significant digits of %g
