@@ -135,9 +135,8 @@ def test_links_of_a_page_lead_somewhere(page: str) -> None:
 
 @pytest.mark.parametrize("page", PROSE)
 def test_modules_and_folders_that_a_page_names_exist(page: str) -> None:
-    files = [
-        path.relative_to(ROOT).as_posix() for folder in ("roughvol", "tests") for path in (ROOT / folder).rglob("*")
-    ]
+    paths = [path for folder in ("roughvol", "tests") for path in (ROOT / folder).rglob("*")]
+    files = [path.relative_to(ROOT).as_posix() for path in paths]
     named = re.findall(r"`((?:[\w./]+/)?[a-z_]+\.py|(?:roughvol|tests|docs|configs)/[\w./-]*)`", _text(page))
     missing = [name for name in named if not any(f"/{file}".endswith(f"/{name.rstrip('/')}") for file in files)]
     assert [name for name in missing if not (ROOT / name).exists()] == []

@@ -127,9 +127,8 @@ def test_a_wrong_dimension_has_the_message_of_the_file(
     data[section] |= {key: units.Quantity(value, unit)}
     with pytest.raises(StudyError) as of_python:
         of_data(data)
-    assert [(p.key, p.message) for p in of_file.value.problems] == [
-        (p.key, p.message) for p in of_python.value.problems
-    ]
+    file, python = ([(p.key, p.message) for p in error.value.problems] for error in (of_file, of_python))
+    assert file == python
 
 
 def test_a_load_is_a_text_a_mapping_or_several(units: Any) -> None:

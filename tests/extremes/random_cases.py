@@ -15,14 +15,9 @@ import numpy as np
 
 from roughvol.campaign.one_case import run_case
 from roughvol.study import loads
+from roughvol.study.values.state_kinds import stored_name
 
 SMALLEST, LARGEST = 9, 330  # elements a side
-MEASURED = {
-    "pressure": "mean_pressure",
-    "contact_area": "contact_area_fraction",
-    "free_volume": "free_volume",
-    "separation": "separation",
-}
 
 
 @dataclass(frozen=True)
@@ -115,7 +110,7 @@ def run(case: RandomCase) -> tuple[int, float]:
     for leg in legs:
         step += leg["steps"]
         ((kind, value),) = leg["to"].items()
-        found = float(states[MEASURED[kind]].values.ravel()[step])
+        found = float(states[stored_name(kind)].values.ravel()[step])
         # Δ is right to 1e-6 and to the residuals of two states; nothing but an area changes faster than Δ
         slack = 1e-5 * float(np.abs(case.heights).max() + value) + 8.0 * len(legs) * rtol
         short = value - found if kind == "contact_area" else abs(value - found)

@@ -9,17 +9,7 @@ from hypothesis import strategies as st
 
 from roughvol.errors import SurfaceError
 from roughvol.surfaces.midpoint import random_midpoint_displacement
-from roughvol.surfaces.treatment import (
-    ALPHA,
-    LEVELS,
-    ROUNDS,
-    block_means,
-    fill,
-    level,
-    low_pass,
-    outliers,
-    squared,
-)
+from roughvol.surfaces.treatment import ALPHA, LEVELS, ROUNDS, block_means, fill, level, low_pass, outliers, squared
 from tests.refused import refusals
 
 FILLS = ("nearest", "interpolate")
@@ -279,10 +269,7 @@ test_what_cannot_be_treated_is_refused = refusals(
     SurfaceError,
     (lambda: level(NOTHING, "tilt"), "none of the 16 heights is known"),
     (lambda: fill(NOTHING, "nearest"), "none of the 16 heights is known"),
-    (
-        lambda: fill(_without(np.eye(4), np.eye(4) == 0), "nearest"),
-        "12 of 16 heights are missing; allowed: up to 5",
-    ),
+    (lambda: fill(_without(np.eye(4), np.eye(4) == 0), "nearest"), "12 of 16 heights are missing; allowed: up to 5"),
     (
         lambda: outliers(np.where(RNG.random(CORRELATED.shape) < 0.2, 30.0, CORRELATED), 3.0),
         r"lie farther than 3 .*allowed: up to 5%",
