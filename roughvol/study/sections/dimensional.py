@@ -62,7 +62,8 @@ class FluidPressure(Strict):
         0.0, "fluid pressure at the outlet, 0 <= outlet < inlet: in the unit of p*, or as 1 bar"
     )
     coupling: Literal["one-way", "full"] = default(
-        "full", "'one-way': the fluid pressure of the dry gap changes the gap once; 'full': until both agree"
+        "full",
+        "'one-way': the fluid pressure of the dry gap changes the gap once; 'full': until gap and pressure agree",
     )
     at: Selector = default(Select(), f"states, each at its load: {IN_WORDS}")
     fields: bool = default(False, "store the lifted gaps, fluid_gap: true or false")

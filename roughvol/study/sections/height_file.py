@@ -45,7 +45,7 @@ _FILE = (
     f"height field, one of {' '.join('*' + suffix for suffix in HEIGHT_FORMATS)}, or with {EXTRA} a file of an "
     "instrument (*.al3d *.sur *.x3p *.gwy ...), relative to the study file"
 )
-_VARIABLE = "array (.npz, .nc, .h5, .mat), channel of an instrument, or page of a TIFF: its name, or number from 0"
+_VARIABLE = "array (.npz, .nc, .h5, .mat), channel of an instrument file, or page of a TIFF: its name, or number from 0"
 _HEIGHTS_UNIT = "unit of the heights, if the file has none, or the height of a count with its unit, as 0.95 nm"
 _COLUMNS = "'heights': all columns of a text are heights, even three as of points x y z"
 _HEADER = "'ignore': use L and heights_unit of the study instead of sizes and units in the file"
@@ -195,7 +195,7 @@ class HeightFile(Sized):
     heights_unit: HeightsUnit | None = optional(_HEIGHTS_UNIT + "; default: that of L")
     columns: Columns | None = optional(_COLUMNS)
     header: Header | None = optional(_HEADER)
-    crop: Crop | None = optional("{x: [from, to], y: [from, to]}: part of the map to press; L is that of the map")
+    crop: Crop | None = optional("{x: [from, to], y: [from, to]}: part of the map to press; L is that of the whole map")
     outliers: Outliers | None = optional("{sigma, window}: remove single spikes; {}: 6 and 5 nodes")
     downsample: Annotated[int, Field(ge=1, le=1000), WHOLE] = default(1, "nodes a side of a block mean, 1 to 1000")
     resample: Resampling = default("none", "'none', or 'square': interpolate oblong pixels onto square ones")
@@ -206,7 +206,8 @@ class HeightFile(Sized):
         "refuse", "missing heights: 'refuse', take the 'nearest' known one, or 'interpolate' by the mean of neighbours"
     )
     low_pass: Length | None = optional(
-        "cut-off of a Gaussian filter (ISO 16610-61), with its unit or in that of L, 2 spacings to the shorter side"
+        "cut-off wavelength of a Gaussian low-pass filter (ISO 16610-61), with its unit or in that of L, "
+        "from twice the spacing to the shorter side; default: no filter"
     )
     sides: Sides = default("mirrored", SIDES)
     against: CounterBody | None = optional("{file, variable, mirror}: second of two rough bodies; heights are added")

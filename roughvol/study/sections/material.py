@@ -80,8 +80,10 @@ class YoungPoisson(Material):
 
     E: Pressure = Field(description="Young's modulus, > 0, as 1 or 210 GPa")
     nu: PoissonRatio = Field(description="Poisson's ratio, -1 < nu <= 0.5")
-    against: CounterMaterial | None = optional("{E, nu} of body 2: 1/E* = (1-nu^2)/E + (1-nu2^2)/E2; default: rigid")
-    thickness: Length | None = optional("elastic layer bonded to a rigid base, > 0, as 50 um; default: a half space")
+    against: CounterMaterial | None = optional("{E, nu} of the other: 1/E* = (1-nu^2)/E + (1-nu2^2)/E2; default: rigid")
+    thickness: Length | None = optional(
+        "thickness of an elastic layer bonded to a rigid base, > 0, as 50 um; default: a half space"
+    )
     hardness: Pressure | None = optional(_HARDNESS)
     plastic: bool = default(True, _PLASTIC)
     conductivity: Conductivities | None = optional(_CONDUCTIVITY)

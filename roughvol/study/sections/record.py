@@ -116,7 +116,7 @@ class Transport(Choice):
         "load at which the last way along x and y closes on loading, solved between the steps or beyond: true or false"
     )
     flux_at: Selector | None = optional(f"flux of div(g^3 grad P) = 0 as fields: {IN_WORDS}")
-    accuracy: FlowAccuracy | None = optional("allowed relative error of a flow, 1e-12 to 0.1, as 0.1 %; default: 1e-4")
+    accuracy: FlowAccuracy | None = optional("allowed relative error of a flow, 1e-12 to 0.1, or 0.1 %; default: 1e-4")
 
     @model_validator(mode="after")
     def _asks_for_something(self) -> Transport:

@@ -72,7 +72,7 @@ class Solver(Strict):
         "influence of an element: 'love' (uniform pressure) or 'punch' (rigid circular punch); 'fourier' "
         "(waves of the grid alone) on mirrored and periodic surfaces",
     )
-    method: Literal["fast", "paper"] = default("fast", f"'fast', or 'paper': its dense Algorithm 1, m <= {PAPER_MAX_M}")
+    method: Literal["fast", "paper"] = default("fast", f"'fast', or 'paper': the dense Algorithm 1, m <= {PAPER_MAX_M}")
 
     @property
     def tolerance(self) -> float:

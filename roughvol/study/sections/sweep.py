@@ -112,7 +112,7 @@ class Target(Choice):
     mean_gap: Gap | None = optional("end at this mean gap > 0, as 1 um")
     load: Load | None = optional(f"end at this load > 0 on the whole surface, as 20 N; {OF_ALL}")
     leak_rate: Flow | None = optional(
-        "end where both leak rates have fallen to this, as 1e-3 mm^3/s; the fluid is record.dimensional.leak_rate"
+        "end where both leak rates have fallen to this, as 1e-3 mm^3/s; the fluid: record.dimensional.leak_rate"
     )
     leak_rate_x: Flow | None = optional("end where the leak rate along x has fallen to this")
     leak_rate_y: Flow | None = optional("end where the leak rate along y has fallen to this")
@@ -144,9 +144,9 @@ End = Annotated[
     Discriminator(_tag_to),
 ]
 _ENDS = (
-    "last state: mean-plane, summit-plane, percolation, or one of {percolation: x|y|both}, {indentation: x}, "
-    "{contact_area: x}, {pressure: x}, {separation: x}, {free_volume: x}, {mean_gap: 1 um}, {load: 20 N}, "
-    "{leak_rate: 1e-3 mm^3/s}"
+    "last state: mean-plane, summit-plane, percolation (no open way left), or one of {percolation: x|y|both}, "
+    "{indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, {free_volume: x}, {mean_gap: 1 um}, "
+    "{load: 20 N}, {leak_rate: 1e-3 mm^3/s}"
 )
 
 
@@ -177,7 +177,8 @@ class Sweep(Strict):
         "indentation", "equal steps of 'indentation', 'pressure', or 'log pressure' (equal ratios from 'first')"
     )
     first: Pressure | None = optional(
-        "p* or pressure of the first step of all, with equal: log pressure; default: that of the last step over 1000"
+        "p* or pressure of the first step on the first leg, with equal: log pressure; default: that of the "
+        "last step over 1000"
     )
     pressures: Many[Pressure] = _listed("p* > 0 or pressures as 0.1 MPa")
     loads: Many[Load] = _listed("loads on the whole surface, as 20 N", f"; {OF_ALL}")
