@@ -18,7 +18,7 @@ from roughvol.campaign.case_surface import surface_of
 from roughvol.campaign.execution import collect, run
 from roughvol.campaign.one_case import run_case
 from roughvol.errors import CampaignError, DatasetError, FolderError, RoughvolError
-from roughvol.store import checkpoint, dataset
+from roughvol.store import checkpoint, dataset, lock
 from roughvol.store.run_folder import checkpoint_file
 from roughvol.store.run_status import status
 from roughvol.study import Study, loads
@@ -173,8 +173,11 @@ def test_a_run_has_every_case_and_its_provenance(study: Study, finished: Path) -
 
 def test_a_finished_study_is_not_computed_again(study: Study, folder: Path) -> None:
     before, stored, events = files_of(folder), (folder / "study.nc").stat().st_ino, Events()
+    for name in ("study.nc", "study.yaml"):
+        os.utime(folder / name, (1, 1))
     results = run(study, out=folder, on_event=events)
     assert (files_of(folder), (folder / "study.nc").stat().st_ino) == (before, stored)
+    assert min((folder / name).stat().st_mtime for name in ("study.nc", "study.yaml")) > 1  # newer, for make
     assert [(event.kept, event.cases, event.work) for event in events] == [(8, 8, 1.0)]
     shutil.rmtree(folder)
     assert float(results.free_volume.min()) > 0.0  # the dataset outlives its file
@@ -310,9 +313,10 @@ def test_a_killed_run_leaves_no_process_and_is_finished_later(tmp_path: Path) ->
     process = command(tmp_path, study, "--jobs", "2")
     at_work(tmp_path, process)
     children = _children(process.pid)
+    assert lock.holder(tmp_path / "out").pid == process.pid
     process.kill()
     process.communicate(timeout=30)
-    assert children
+    assert (bool(children), lock.holder(tmp_path / "out")) == (True, None)
     deadline = time.monotonic() + 30
     while any(Path(f"/proc/{child}").exists() for child in children) and time.monotonic() < deadline:
         time.sleep(0.02)

@@ -13,7 +13,7 @@ import pytest
 import xarray as xr
 
 from roughvol.campaign import batch
-from roughvol.campaign.one_case import Context, Stopped, run_case
+from roughvol.campaign.one_case import Context, run_case
 from roughvol.store import checkpoint, lock, run_folder, stamped_file
 from roughvol.store.checkpoint import Checkpoint, packed, unpacked
 from roughvol.study import ANSWER_FORMAT, Case, loads
@@ -55,16 +55,6 @@ def test_a_case_killed_after_any_step_goes_on_bit_for_bit(case: Case, tmp_path: 
     result = run_case(case, Context(on_step=solved.append, checkpoint=path))
     assert solved == list(range(step, 6))  # the step at which it was killed was not yet kept
     xr.testing.assert_identical(values_of(result), values_of(undisturbed))
-
-
-def test_a_case_that_is_asked_to_stop_keeps_its_steps(case: Case, tmp_path: Path) -> None:
-    solved: list[int] = []
-    for _ in range(4):
-        with pytest.raises(Stopped):
-            run_case(case, Context(on_step=solved.append, checkpoint=tmp_path / "c", stopping=lambda: True))
-    assert solved == list(range(1, 5))
-    result = run_case(case, Context(checkpoint=tmp_path / "c"))
-    xr.testing.assert_identical(values_of(result), values_of(run_case(case)))
 
 
 def test_damaged_and_foreign_checkpoints_are_as_good_as_none(case: Case, tmp_path: Path) -> None:

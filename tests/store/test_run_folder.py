@@ -65,22 +65,6 @@ def test_a_second_run_is_refused_and_told_who_has_the_folder(study: Study, tmp_p
     assert not (tmp_path / "lock").exists()
 
 
-def test_the_lock_of_a_killed_process_is_stale(study: Study, tmp_path: Path) -> None:
-    code = (
-        "import sys, time\nfrom pathlib import Path\nfrom roughvol.store import lock\n"
-        "with lock.opened(Path(sys.argv[1])):\n    print('held', flush=True)\n    time.sleep(60)\n"
-    )
-    process = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True)
-    with process.stdout:
-        assert process.stdout.readline() == "held\n"
-        assert lock.holder(tmp_path).pid == process.pid
-        process.kill()
-        process.wait(timeout=30)
-    assert (tmp_path / "lock").exists()
-    assert lock.holder(tmp_path) is None
-    assert execution.run(study, out=tmp_path, jobs=1).sizes["seed"] == 4
-
-
 @pytest.mark.parametrize(
     "content",
     [b"", b"{", b"[1]", b'{"host": 3}', b"\xff\xfe"],
@@ -295,19 +279,6 @@ def test_run_and_status_refuse_another_study_in_the_same_words(place: Path, old:
     with pytest.raises(FolderError, match="holds the results of another study:") as same:
         run_status.status(path, place)
     assert refused("run", path, "--out", place) == f"error: {same.value}\n"
-
-
-def test_a_run_with_nothing_to_do_leaves_newer_results(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = _written(place.parent, TEXT)
-    old = (place / "study.nc").read_bytes()
-    for name in ("study.nc", "study.yaml"):
-        os.utime(place / name, (1, 1))
-    os.utime(path, (2, 2))
-    _refuse_work(monkeypatch)
-    execution.run(path, out=place)
-    assert (place / "study.nc").read_bytes() == old
-    for name in ("study.nc", "study.yaml"):
-        assert (place / name).stat().st_mtime > path.stat().st_mtime
 
 
 # Height files
