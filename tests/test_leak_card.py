@@ -387,7 +387,7 @@ def test_a_card_of_a_changed_study_leaves_the_first_and_its_runs_until_fresh_is_
     assert len(list(folder.glob("card_pressure=0.2_*.html"))) == 1
     assert len(list(folder.glob("*.pdf"))) == 2
     _study(SEAL.replace("steps: 4", "steps: 3"))
-    assert "give run or card another --out to keep them, or --fresh to compute" in refused("card", "seal.yaml", *at)
+    assert "another --out keeps them, --fresh computes all anew" in refused("card", "seal.yaml", *at)
     assert sorted(path.name for path in folder.rglob("cases/*.nc")) == stored
     _card("seal.yaml", *at, "--fresh")
     assert sorted(path.name for path in folder.rglob("set_aside/*.nc")) == stored

@@ -180,9 +180,9 @@ class Forecast:
 class Batch:
     """The cases computed now, and their progress.
 
-    ``study`` is the study as text, ``kept`` the number of cases finished before, ``surface`` that of the first case, if
-    it was read. ``alone``: the study has no other case. ``forecast`` is that of earlier batches, ``later`` are the
-    expected seconds of later ones. ``names``: cases in words by id; default their labels.
+    ``study`` is the study as text, ``kept`` the number of cases finished before, ``surface`` that of a case alone,
+    if it was read. ``forecast`` is that of earlier batches, ``later`` are the expected seconds of later ones.
+    ``names``: cases in words by id; default their labels.
     """
 
     def __init__(
@@ -194,13 +194,12 @@ class Batch:
         control: Control,
         *,
         surface: Surface | None = None,
-        alone: bool = False,
         forecast: Forecast | None = None,
         later: float = 0.0,
         names: Mapping[str, str] | None = None,
     ) -> None:
         self._folder, self._study, self._kept, self._control = folder, study, kept, control
-        self._surface = surface if alone else None
+        self._surface = surface
         works = {case.id: expected_seconds(case) for case in cases}
         self._steps = {case.id: case.sweep.steps for case in cases}
         self._forecast = forecast or Forecast()

@@ -87,10 +87,10 @@ def run(
         if not missing:
             on_event(replace(begin, work=1.0))
             return collection.of_run(folder, cases, study, stopping, again=bool(changed))
-        alone = len(study.cases()) == 1
         try:
             text, names = study.of_each_case(), study.names_of_cases() if study.axes else None
-            Batch(folder, text, missing, begin.kept, control, surface=surface, alone=alone, names=names).compute()
+            its = surface if len(study.cases()) == 1 else None
+            Batch(folder, text, missing, begin.kept, control, surface=its, names=names).compute()
         except CampaignError:
             # a number that was meant otherwise may be the reason
             for sentence in interpretation.doubts(study, surface):

@@ -37,7 +37,6 @@ OF_PRESS = {
     **{name: f"argument {name}" for name in ("sweep", "record", "solver", "fluid")},
     **{f"sweep.{name}": f"argument {name}" for name in ("to", "steps")},
 }
-OPTIONS = {"another --out": "another out", "--fresh": "fresh=True"}  # of the command line, and arguments of `run`
 BODIES = {"surface": "heights", "surface.against": "against"}  # names of the files of heights in memory
 
 
@@ -115,14 +114,11 @@ def run(
     options: dict[str, Any] = {"out": out, "jobs": jobs, "fresh": fresh, "scheduler": scheduler}
     options |= {"on_event": _heard(on_event), "stopping": stopping, "only": only}
     texts = changes_of(changes)
+    if isinstance(study, str | os.PathLike):
+        whole, folder = stored_run.study_of(Path(study), texts)
+        return _warned(execution.run(whole, **options | {"out": folder if out is None else out}))
     if not isinstance(study, Mapping):
-        with _named({}):
-            if isinstance(study, str | os.PathLike):
-                whole, folder = stored_run.study_of(Path(study), texts)
-                options["out"] = folder if out is None else out
-            else:
-                whole = changed(study, texts)
-            return _warned(execution.run(whole, **options))
+        return _warned(execution.run(changed(study, texts), **options))
     with _written(study, Arguments("run", {"": "study"})) as (data, names, files):
         if files and scheduler is not None:
             message = "run: argument scheduler: its workers do not have the heights in memory; store them in a file"
@@ -278,8 +274,7 @@ def _written(study: Mapping[str, Any], names: Arguments) -> Iterator[tuple[Mappi
     """
     surface = study.get("surface")
     if not isinstance(surface, Mapping):
-        with _named({}):
-            yield study, names, []
+        yield study, names, []
         return
     bodies: dict[str, Any] = {"surface": surface, "surface.against": surface.get("against")}
     with tempfile.TemporaryDirectory(prefix="roughvol-") as folder:
@@ -308,7 +303,7 @@ def _written(study: Mapping[str, Any], names: Arguments) -> Iterator[tuple[Mappi
 
 @contextlib.contextmanager
 def _named(files: Mapping[Path, str]) -> Iterator[None]:
-    """Name arguments in place of their files, and of options of the command line, in the errors raised inside."""
+    """Name arguments in place of their files in the errors raised inside."""
     try:
         yield
     except RoughvolError as raised:
@@ -333,8 +328,6 @@ def _text(text: str, files: Mapping[Path, str]) -> str:
             text = argument + text.removeprefix(str(path))
         for name in (str(path), path.name):
             text = text.replace(name, argument.partition(": ")[2])
-    for option, argument in OPTIONS.items():
-        text = text.replace(option, argument)
     return text
 
 

@@ -106,7 +106,7 @@ def _acquire(path: Path) -> int:
                 return handle
     raise FolderError(
         f"{path.parent} is in use by {named or 'a process that is just starting'}; "
-        "wait for it, end it, or give another --out"
+        "wait for it, end it, or give another folder: --out, from Python out=FOLDER"
     )
 
 

@@ -40,7 +40,7 @@ def another_study(folder: Path, study: Study, cases: Mapping[str, Case]) -> str 
     lines = "\n".join(f"  {line}" for line in reasons)
     return (
         f"{folder} holds the results of another study:\n{lines}\n"
-        "give run or card another --out to keep them, or --fresh to compute all anew in this folder"
+        "another --out keeps them, --fresh computes all anew in this folder; from Python: out=FOLDER, fresh=True"
     )
 
 

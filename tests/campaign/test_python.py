@@ -2,7 +2,6 @@
 
 import os
 import re
-import warnings
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -226,16 +225,6 @@ def test_doubts_are_warnings_of_one_class() -> None:
     assert issubclass(roughvol.RoughvolWarning, UserWarning)
 
 
-def test_the_command_line_prints_a_doubt_once() -> None:
-    np.save("z.npy", 100.0 * _heights())
-    Path("steep.yaml").write_text("surface: {file: z.npy, L: 500 um}\nsweep: {steps: 2}\n", encoding="utf-8")
-    with warnings.catch_warnings(record=True) as seen:
-        warnings.simplefilter("always")
-        done = call("run", "steep.yaml", "--jobs", "1")
-    assert done.stderr.count("rms slope") == 1
-    assert [one for one in seen if issubclass(one.category, roughvol.RoughvolWarning)] == []
-
-
 def test_files_set_aside_and_long_runs_are_warnings_too() -> None:
     roughvol.run(DATA, jobs=1)
     (file,) = Path("runs/tiny/cases").glob("*.nc")
@@ -267,7 +256,7 @@ def test_nu_is_stated_where_press_takes_it_by_default() -> None:
 def test_a_folder_that_cannot_be_used_is_explained_by_arguments() -> None:
     roughvol.run(DATA, jobs=1)
     for other in ({**DATA, "sweep": {"steps": 3}}, loads("name: tiny\n" + TINY.replace("steps: 2", "steps: 3"))):
-        with pytest.raises(FolderError, match="give run or card another out to keep them, or fresh=True to"):
+        with pytest.raises(FolderError, match="from Python: out=FOLDER, fresh=True"):
             roughvol.run(other, jobs=1)
-    with lock.opened(Path("runs/tiny")), pytest.raises(FolderError, match=r"or give another out$"):
+    with lock.opened(Path("runs/tiny")), pytest.raises(FolderError, match=r"from Python out=FOLDER$"):
         roughvol.run(DATA, jobs=1)

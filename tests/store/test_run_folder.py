@@ -59,7 +59,7 @@ def place(finished: Path, tmp_path: Path) -> Path:
 def test_a_second_run_is_refused_and_told_who_has_the_folder(study: Study, tmp_path: Path) -> None:
     with lock.opened(tmp_path):
         assert lock.holder(tmp_path) is not None
-        with pytest.raises(FolderError, match=rf"in use by process {os.getpid()} on .*, since .*another --out"):
+        with pytest.raises(FolderError, match=rf"in use by process {os.getpid()} on .*, since .*another folder: --out"):
             execution.run(study, out=tmp_path)
     assert lock.holder(tmp_path) is None
     assert not (tmp_path / "lock").exists()
