@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from roughvol.store.dataset import Dataset
 
 EVENT_EVERY, PLAIN_EVERY = 1.0, 5.0  # seconds between two lines without a terminal: of a case that ended, of steps
+STOPPING = "stopping after the cases at work; Ctrl-C again stops at once"
 Draw = Callable[["Progress"], None]
 
 
@@ -76,7 +77,8 @@ def run(
         last = now
         draw(now)
 
-    with _progress() as draw, signals.first_interrupt(_say_how_to_stop) as interrupted:
+    progress = _bar() if is_seen() else _lines()
+    with progress as draw, signals.first_interrupt(lambda: say(STOPPING, err=True)) as interrupted:
         results = execution.run(
             loaded,
             out=folder,
@@ -98,10 +100,6 @@ def run(
         say_parts(named, screen.summary)
     say("\n".join([*_summary(variants.counted_once(results, loaded), folder / "study.nc"), str(folder / "study.nc")]))
     warn_of(results)
-
-
-def _say_how_to_stop() -> None:
-    say("stopping after the cases at work; Ctrl-C again stops at once", err=True)
 
 
 def _say_record(run: Run, last: Progress, file: Path, seconds: float) -> None:
@@ -141,13 +139,9 @@ def _summary(results: Dataset, path: Path) -> list[str]:
     return list(dict.fromkeys([*lines, *results.attrs.get("answer", "").splitlines()]))
 
 
-def _progress() -> contextlib.AbstractContextManager[Draw]:
-    """Draw on a terminal; elsewhere write a line now and then."""
-    return _bar() if is_seen() else _lines()
-
-
 @contextlib.contextmanager
 def _lines() -> Iterator[Draw]:
+    """Write a line now and then."""
     last, waiting = time.monotonic(), ""
 
     def write(now: Progress) -> None:
@@ -169,6 +163,7 @@ def _lines() -> Iterator[Draw]:
 
 @contextlib.contextmanager
 def _bar() -> Iterator[Draw]:
+    """Draw on a terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
