@@ -7,16 +7,12 @@ library in C.
 import contextlib
 import errno
 import os
+import resource
 import shutil
 from numbers import Integral
 from pathlib import Path
 
 from roughvol.errors import CampaignError
-
-try:
-    import resource
-except ImportError:  # a system without such limits
-    resource = None  # type: ignore[assignment]
 
 # Bytes of address space of a process: VmPeak of one case of m = 4 with 2 cores, `roughvol run`. For each core: stack
 # and buffers of its thread in the libraries of linear algebra.
@@ -34,8 +30,6 @@ def check_jobs(jobs: int | None) -> None:
 
 def address_space() -> float | None:
     """Return the limit of the address space in bytes (``ulimit -v``); None without one."""
-    if resource is None:
-        return None
     soft = resource.getrlimit(resource.RLIMIT_AS)[0]
     return None if soft == resource.RLIM_INFINITY else float(soft)
 

@@ -11,7 +11,7 @@ import signal
 from collections.abc import Callable, Iterator
 from types import FrameType
 
-ENDS = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))  # Windows has no SIGHUP
+ENDS = (signal.SIGTERM, signal.SIGHUP)
 ALL = (signal.SIGINT, *ENDS)
 
 Handler = Callable[[int, FrameType | None], None]
@@ -52,9 +52,6 @@ def first_interrupt(tell: Callable[[], None]) -> Iterator[Callable[[], bool]]:
 @contextlib.contextmanager
 def blocked() -> Iterator[None]:
     """Block the signals while a process starts: it inherits the mask. Here, they arrive afterwards."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ALL)
     try:
         yield

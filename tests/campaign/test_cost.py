@@ -279,7 +279,6 @@ def study(tmp_path: Path) -> str:
     return str(tmp_path / "s.yaml")
 
 
-@pytest.mark.skipif(machine.resource is None, reason="this system limits no address space")
 def test_a_narrow_limit_is_told_in_one_line_before_any_library_is_loaded(study: str) -> None:
     code = (
         "import resource, sys\nresource.setrlimit(resource.RLIMIT_AS, (100_000 * 1024,) * 2)\n"
