@@ -14,12 +14,14 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+from xarray import Dataset
 
 from roughvol.errors import RoughvolError
 from roughvol.observables.at_state import at_state
 from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.verdict import Check, Claim, Number
 from roughvol.reproduction.needs import PAPER_A, Needs
+from roughvol.store.dataset import recorded_state
 from roughvol.typing import Array
 
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
@@ -31,15 +33,18 @@ class Lacking(RoughvolError):
     """A configuration that a claim needs and no run has."""
 
 
-def nearest_state(areas: Mapping[Key, float]) -> Key:
-    """Return the key of the A* nearest to that of the paper's state, the first of two."""
-    return min(areas, key=lambda key: abs(areas[key] - PAPER_A))
-
-
 def require(condition: object, message: str) -> None:
     """Raise `Lacking` with a message unless a condition is true."""
     if not condition:
         raise Lacking(message)
+
+
+def paper_state(case: Dataset, at: str) -> Dataset:
+    """Return the recorded state of a surface (along `at`) whose A* is nearest to that of the paper's state."""
+    places = np.flatnonzero(case[f"{at}_step"].values > 0).tolist()  # -1: never reached
+    require(places, "no recorded field")
+    states = [recorded_state(case, at, place) for place in places]
+    return min(states, key=lambda state: abs(float(state[A]) - PAPER_A))
 
 
 @dataclass(frozen=True, eq=False)

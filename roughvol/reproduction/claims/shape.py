@@ -10,8 +10,9 @@ import numpy as np
 
 from roughvol.gap.free_volume import domain, element_volumes, free_volume
 from roughvol.report.figures.cases import nearest
+from roughvol.report.figures.families import own
 from roughvol.reproduction.claim_run import ClaimRun, state_words
-from roughvol.reproduction.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, claim, nearest_state, require
+from roughvol.reproduction.claims.evidence import D_SIGMA, A, Given, Outcome, P, V, claim, paper_state, require
 from roughvol.reproduction.claims.statistics import exact, mean, single, slope, straightness
 from roughvol.reproduction.claims.verdict import Check, Number
 from roughvol.reproduction.needs import BOXES, BY_D, FIELD, ONE_D, PAPER_A, PAPER_D, PAPER_M
@@ -39,14 +40,9 @@ def field(run: ClaimRun) -> Field:
     D = nearest(run.D, PAPER_D)
     m = int(nearest(run.m, PAPER_M))
     case = run.dataset.sel(D=D, m=m).isel(seed=0)
-    recorded = np.flatnonzero(case["field_at_step"].values > 0).tolist()
-    require(recorded, "no recorded field")
-    states = {k: recorded_state(case, "field_at", k) for k in recorded}
-    index = nearest_state({k: float(state[A]) for k, state in states.items()})
-    field_ = case["gap"].isel(field_at=index).dropna("x", how="all").dropna("y", how="all")
-    gap = field_.transpose("x", "y").values
-    numbers = {name: float(states[index][name]) for name in (A, P, V, D_SIGMA)}
-    numbers["Sq"] = float(case["Sq"])
+    state = paper_state(case, "field_at")
+    gap = own(state["gap"]).values
+    numbers = {name: float(state[name]) for name in (A, P, V, D_SIGMA, "Sq")}
     numbers["spacing"] = run.L / intervals(len(gap), "periodic" in run.dataset.attrs)
     contact = gap == 0.0
     surface = run.surface(D, m, run.seed_numbers()[0])
@@ -162,7 +158,7 @@ def state_of_boxes(run: ClaimRun) -> tuple[float, int, str]:
         if len(reached) == run.seeds:
             areas[label] = float(np.mean(reached))
     require(areas, "a box-counted state that every surface reaches")
-    return D, m, nearest_state(areas)
+    return D, m, min(areas, key=lambda label: abs(areas[label] - PAPER_A))
 
 
 def fitted_dimension(r: Index, counts: Array) -> Array:

@@ -11,8 +11,7 @@ from roughvol.analysis.units import sigma
 from roughvol.gap.free_volume import element_volumes
 from roughvol.report.figures.families import Curve, Family, own, single
 from roughvol.report.figures.style import A, P, unit_text
-from roughvol.reproduction.claims.evidence import nearest_state
-from roughvol.store.dataset import recorded_state
+from roughvol.reproduction.claims.evidence import paper_state
 from roughvol.typing import Array, Mask
 
 ENOUGH = 25  # elements in a bin of a density: a fifth of noise
@@ -22,9 +21,7 @@ PER_DECADE = 12  # bins on a logarithmic axis at most
 def state(ds: Dataset, at: str, *variables: str) -> tuple[Dataset, str, str]:
     """Return the single case at its recorded state (along `at`) nearest to A* = 0.1, and both in words."""
     case, name = single(ds, *variables)
-    places = np.flatnonzero(case[f"{at}_step"].values > 0).tolist()  # -1: never reached
-    reached = {k: recorded_state(case, at, k) for k in places}
-    chosen = reached[nearest_state({k: float(candidate[A]) for k, candidate in reached.items()})]
+    chosen = paper_state(case, at)
     return chosen, name, rf"$A^{{\ast}} = {float(chosen[A]):.3f}$, $p^{{\ast}} = {float(chosen[P]):.2f}$"
 
 
