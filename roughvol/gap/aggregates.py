@@ -65,39 +65,25 @@ def of_grid(south: Array, east: Array, own: Array) -> tuple[Numbers, int]:
             join_bd |= (lone_b and bd >= ab and _strong(bd, b)) or (lone_d and bd >= cd and _strong(bd, d))
             join_ab |= (lone_a and ab > ac and _strong(ab, a)) or (lone_b and ab > bd and _strong(ab, b))
             join_cd |= (lone_c and cd > ac and _strong(cd, c)) or (lone_d and cd > bd and _strong(cd, d))
-            if a > 0.0:
-                number[i, j] = count
-                count += 1
+            of_a, count = _numbered(a, count)
+            of_b, count = (of_a, count) if join_ab or (join_ac and join_cd and join_bd) else _numbered(b, count)
+            if join_ac or (join_ab and join_bd and join_cd):
+                of_c = of_a
+            elif join_bd and join_cd:
+                of_c = of_b
             else:
-                number[i, j] = -1
+                of_c, count = _numbered(c, count)
+            if join_bd or join_cd:
+                of_d = of_b if join_bd else of_c
+            else:
+                of_d, count = _numbered(d, count)
+            number[i, j] = of_a
             if wide:
-                if join_ab or (join_ac and join_cd and join_bd):
-                    number[i, j + 1] = number[i, j]
-                elif b > 0.0:
-                    number[i, j + 1] = count
-                    count += 1
-                else:
-                    number[i, j + 1] = -1
+                number[i, j + 1] = of_b
             if high:
-                if join_ac or (join_ab and join_bd and join_cd):
-                    number[i + 1, j] = number[i, j]
-                elif join_bd and join_cd:
-                    number[i + 1, j] = number[i, j + 1]
-                elif c > 0.0:
-                    number[i + 1, j] = count
-                    count += 1
-                else:
-                    number[i + 1, j] = -1
+                number[i + 1, j] = of_c
             if high and wide:
-                if join_bd:
-                    number[i + 1, j + 1] = number[i, j + 1]
-                elif join_cd:
-                    number[i + 1, j + 1] = number[i + 1, j]
-                elif d > 0.0:
-                    number[i + 1, j + 1] = count
-                    count += 1
-                else:
-                    number[i + 1, j + 1] = -1
+                number[i + 1, j + 1] = of_d
     return number, count
 
 
@@ -106,6 +92,12 @@ def _largest(south: Array, east: Array, own: Array, i: int, j: int) -> float:
     """Return the largest conductance at an element of a grid."""
     before, behind = south[i - 1 if i else own.shape[0] - 1, j], east[i, j - 1 if j else own.shape[1] - 1]
     return max(max(own[i, j], max(south[i, j], east[i, j])), max(before, behind))
+
+
+@compiled
+def _numbered(largest: float, count: int) -> tuple[int, int]:
+    """Return the number of a new aggregate of an element, -1 if it does not conduct, and how many there are then."""
+    return (count, count + 1) if largest > 0.0 else (-1, count)
 
 
 @compiled
