@@ -123,7 +123,7 @@ def test_a_standard_input_that_is_no_text_is_one_message(place: Path, line: str,
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
-@pytest.mark.parametrize("command", ["show tiny", "--help"])
+@pytest.mark.parametrize("command", ["ls", "--help"])
 def test_an_output_that_cannot_be_written_is_one_message(place: Path, command: str) -> None:
     done = _shell(place, f"roughvol {command} > /dev/full")
     assert done.returncode in (1, 2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -13,6 +14,12 @@ Levelling = Literal["none", "mean", "tilt", "quadratic"]
 Missing = Literal["refuse", "nearest", "interpolate"]
 Resampling = Literal["none", "square"]
 Nodes = tuple[tuple[int, int], tuple[int, int]]
+
+
+def digest(file: Path) -> str:
+    """Return the sha256 of the content of a file."""
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 @dataclass(frozen=True)

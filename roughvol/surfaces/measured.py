@@ -7,7 +7,6 @@ one body. Every other treatment is linear, so that of the sum is the sum of both
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -15,7 +14,7 @@ import numpy as np
 
 from roughvol.errors import SurfaceError
 from roughvol.surfaces import length_units
-from roughvol.surfaces.body import Body, Treatment
+from roughvol.surfaces.body import Body, Treatment, digest
 from roughvol.surfaces.files import reading
 from roughvol.surfaces.surface import Surface, intervals
 from roughvol.surfaces.treatment import block_means, fill, level, low_pass, outliers, squared
@@ -67,9 +66,7 @@ def _measured(body: Body, treatment: Treatment, unit: str | None) -> Array:
     """Return the heights of one body as its file holds them, in the unit of the study."""
     holes, ignored = treatment.missing != "refuse", body.header == "ignore"
     heights = reading.read(body.file, body.variable, holes=holes, columns=body.columns, ignore_header=ignored)
-    with body.file.open("rb") as stream:
-        sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-    if sha256 != body.sha256:
+    if digest(body.file) != body.sha256:
         raise SurfaceError(f"{body.file} has changed since the study was loaded; run the study again")
     own = body.numbers_in
     if own is not None and unit is not None and own != unit:

@@ -1,6 +1,7 @@
 """The section fluid: gases, pressures, units of throughput, and what is refused."""
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -109,13 +110,7 @@ def test_helium_and_air_differ_by_viscosity_in_wide_gaps_and_by_molar_mass_in_na
 
 
 def test_a_gas_changes_neither_contact_nor_closing_nor_other_flows(results: Dataset) -> None:
-    without = TEXT
-    for words in (
-        "fluid: {gas: helium, inlet: 2 bar, outlet: 1 bar}",
-        ", gas_flow: every-step",
-        ", gas_leak_rate: mbar*l/s",
-    ):
-        without = without.replace(words, "")
+    without = re.sub("fluid: .*|, gas_flow: every-step|, gas_leak_rate: mbar[*]l/s", "", TEXT)
     plain = collected(loads(without))
     for name in ("contact_area_fraction", "mean_pressure", "transmissivity", "percolates", "critical_gap"):
         np.testing.assert_array_equal(plain[name], results[name])

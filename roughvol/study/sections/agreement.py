@@ -7,7 +7,6 @@ the unit of the first file with one. Heights in another unit are converted on re
 from __future__ import annotations
 
 import functools
-import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +16,7 @@ from roughvol.study.plain_data import number_text
 from roughvol.study.python_data import refused
 from roughvol.study.sections.height_file import CounterBody, HeightFile
 from roughvol.study.sections.treatment import settled
-from roughvol.surfaces.body import Body, Treatment
+from roughvol.surfaces.body import Body, Treatment, digest
 from roughvol.surfaces.length_units import METRES, factor
 
 if TYPE_CHECKING:
@@ -51,12 +50,12 @@ def resolve(surface: HeightFile) -> Measured:
     descriptions, bodies = [], []
     for key, section in zip(_KEYS, surface.bodies, strict=False):
         sha256 = _digest(Path(section.file), f"{key}.file")
-        descriptions.append(_described(section, sha256, key))
-        bodies.append(_body(surface, section, sha256, descriptions[-1], key))
-    for description, section in zip(descriptions, surface.bodies, strict=False):
+        description = _described(section, sha256, key)
         if surface.L is None and description.unsized:
             silent = f"{section.file} does not give the length of its axes"
             raise refused(f"missing: {silent}: {description.unsized}", "surface.L")
+        descriptions.append(description)
+        bodies.append(_body(surface, section, sha256, description, key))
     unit = _unit(surface, descriptions, bodies)
     sides = [_sides(surface, description, unit) for description in descriptions]
     L = surface.L if surface.L is not None else next((side[0] for side in sides if side), None)
@@ -158,8 +157,7 @@ def _notes(
 
 def _digest(path: Path, key: str) -> str:
     try:
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        return digest(path)
     except OSError as error:
         raise refused(f"cannot read {path}: {error.strerror}", key) from error
 

@@ -61,16 +61,12 @@ def plain_form(value: Accuracy) -> Any:
     return value.text if value.relative else float(value)
 
 
-def _above_zero(number: float) -> float:
-    if not (math.isfinite(number) and number > 0.0):
-        refuse("must be > 0")
-    return number
-
-
 def _accuracy(value: Any) -> Accuracy:
     """Return the accuracy of a number, or of the text of a number and %."""
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return Accuracy(_above_zero(float(value)), number_text(float(value)))
+        if not 0.0 < (number := float(value)) < math.inf:
+            refuse("must be > 0")
+        return Accuracy(number, number_text(number))
     parts = re.fullmatch(r"([0-9]+\.?[0-9]*(?:e[-+]?[0-9]+)?)\s*%", value.strip() if isinstance(value, str) else "")
     if parts is None:
         refuse("must be a number > 0, or a number > 0 with % behind it")

@@ -29,7 +29,7 @@ from pydantic import (
 from roughvol.study.plain_data import is_file, printable
 from roughvol.study.sections.strict import Strict, default, optional, refuse_at
 from roughvol.study.sections.surface import SIDES, UNIT, Sized
-from roughvol.study.values.types import AS_TUPLE, WHOLE, refuse, two
+from roughvol.study.values.types import AS_TUPLE, TWO, WHOLE, refuse
 from roughvol.study.values.units import RISING, HeightsUnit, In, Length, LengthUnit
 from roughvol.surfaces.body import Columns, Header, Levelling, Mirror, Missing, Resampling
 from roughvol.typing import Sides
@@ -135,7 +135,7 @@ def _odd(value: int) -> int:
 
 
 Position = Annotated[float, Field(ge=0), In("length")]
-Part = Annotated[tuple[Position, Position], two("positions"), RISING]
+Part = Annotated[tuple[Position, Position], TWO, RISING]
 
 
 class Crop(Strict):

@@ -25,7 +25,7 @@ from roughvol.study.sections.strict import Choice, Strict, default, optional
 from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
 from roughvol.study.values.own import OwnQuantity, own
 from roughvol.study.values.state_kinds import Level
-from roughvol.study.values.types import WHOLE, AreaFraction, Fraction, Many, Switch, Word, refuse, two
+from roughvol.study.values.types import TWO, WHOLE, AreaFraction, Fraction, Many, Switch, Word, refuse
 from roughvol.study.values.units import RISING, unit_of
 
 
@@ -126,7 +126,7 @@ class Transport(Choice):
         return self
 
 
-Span = Annotated[tuple[Fraction, Fraction], two("numbers"), RISING]
+Span = Annotated[tuple[Fraction, Fraction], TWO, RISING]
 
 
 class Region(Strict):

@@ -24,18 +24,15 @@ def whole(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def two(what: str) -> BeforeValidator:
-    """Return a validator that takes a list of two as a tuple."""
-
-    def read(value: Any) -> Any:
-        if not isinstance(value, list | tuple) or len(value) != 2:
-            refuse("must be two {what}, [from, to]", what=what)
-        return tuple(value)
-
-    return BeforeValidator(read)
+def _two(value: Any) -> Any:
+    """Return a list of two as a tuple."""
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        refuse("must be a list of two, [from, to]")
+    return tuple(value)
 
 
 WHOLE = BeforeValidator(whole)  # behind the bounds: before them, pydantic leaves them out of the JSON schema
+TWO = BeforeValidator(_two)
 AS_TUPLE = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 Dimension = Annotated[float, Field(gt=2, lt=3)]
 Refinement = Annotated[int, Field(ge=1, le=13), WHOLE]
