@@ -147,9 +147,7 @@ def test_a_number_may_have_a_unit() -> None:
     assert "L: 0.1 mm" in study.to_yaml()
 
 
-@pytest.mark.parametrize(
-    ("text", "unit"), [("2 um", "um"), ("2µm", "um"), ("2.0e0  micron", "um"), ("2 nm", "nm"), ("2.5e-1 m", "m")]
-)
+@pytest.mark.parametrize(("text", "unit"), [("2 um", "um"), ("2µm", "um"), ("2.0e0  micron", "um"), ("2.5e-1 m", "m")])
 def test_a_length_has_one_name_for_its_unit(text: str, unit: str) -> None:
     study = loads(f"surface: {{D: 2.3, m: 4, L: {text}}}")
     assert study.surface.length_unit == unit

@@ -148,9 +148,7 @@ class Region(Strict):
 class RegionWidths(Strict):
     """A*, p*, V* and transmissivity inside central squares of several widths, from one solution."""
 
-    shares: Many[AreaFraction] = default(
-        (1.0, 0.75, 0.5, 0.25), "widths of central squares over that of the whole, 0 to 1"
-    )
+    shares: Many[AreaFraction] = default((1.0, 0.75, 0.5, 0.25), "widths of central squares over the whole, 0 to 1")
     at: States = Field(default=EVERY_STEP, validate_default=True, description=f"states of A*, p* and V*: {_WHEN}")
     transmissivity: States | None = optional(f"states of the transmissivity, x and y: {_WHEN}")
 
@@ -180,9 +178,7 @@ class Record(Strict):
         "power spectral density before load and of the deformed surface, root mean square height, slope "
         "and curvature by scale, and Nayak's parameter: true (before load), false or {at: states}"
     )
-    contact_perimeter: bool = default(
-        False, "length of the edges between contact and void at every step, for the corrected contact area"
-    )
+    contact_perimeter: bool = default(False, "perimeter of the contact at every step, for the corrected contact area")
     transport: Transport | None = optional("quantities of the void, each with its states")
     fluid_pressure: FluidPressure | None = optional("contact under fluid pressure: {inlet: 5 bar, at: states}")
     region: Annotated[Region, Word("interior", INTERIOR)] | None = optional(
