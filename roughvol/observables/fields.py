@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from roughvol.gap import box_counting, free_volume, transport
-from roughvol.observables.regions import Values, View, Window, central, window, window_of
+from roughvol.observables.regions import MEANS, Values, View, Window, central, window, window_of
 from roughvol.observables.requests import flow_accuracy, value_of
 from roughvol.observables.variables import AXES
 from roughvol.study import Case
@@ -66,12 +66,9 @@ def _windows(view: View) -> list[Window]:
 
 def means(view: View) -> Values:
     """Return A*, p* and V* inside each square."""
-    contact, pressure, gap = view.whole.contact(), view.whole.pressure(), view.whole.gap()
-    return {
-        "contact_area_fraction_within": [contact[inside].mean() for inside in _windows(view)],
-        "mean_pressure_within": [pressure[inside].mean() for inside in _windows(view)],
-        "free_volume_within": [gap[inside].mean() for inside in _windows(view)],
-    }
+    names, windows = ("contact_area_fraction", "mean_pressure", "free_volume"), _windows(view)
+    fields = {name: getattr(view.whole, MEANS[name])() for name in names}
+    return {f"{name}_within": [field[inside].mean() for inside in windows] for name, field in fields.items()}
 
 
 def transmissivity_within(view: View) -> Values:
