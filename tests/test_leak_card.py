@@ -418,7 +418,7 @@ def pressed(tmp_path_factory: pytest.TempPathFactory) -> Card:
 
 @pytest.mark.layout
 @pytest.mark.parametrize(
-    ("words", "shown"), [(15, "the last fact"), (150, "3 on the page of HTML"), (400, "The rest is on")]
+    ("words", "shown"), [(15, "the last fact"), (150, "3 on the page of HTML"), (300, "The rest is on")]
 )
 def test_the_print_ends_on_the_page_whatever_it_has(words: int, shown: str, pressed: Card) -> None:
     """Long facts take smaller type, then the place of limits; at last a sentence leads to the page of HTML."""
