@@ -92,7 +92,7 @@ class Multigrid:
         if self.exact:
             return self._factor.solve(inflow.ravel()).reshape(inflow.shape)
         single, pressure = inflow.astype(np.float32), np.empty(inflow.shape)
-        left = _before(*self._grid, self._number, single, self._coarse(0))
+        left = _before(*self._grid, self._number, single, np.zeros(self._size(0)))
         _after(*self._grid, self._number, single, self._visit(left, 0), self._first, pressure)
         return pressure
 
@@ -104,7 +104,7 @@ class Multigrid:
         are equal in each aggregate, those of a solved level have the least dissipation. The grid has sweeps alone.
         """
         number = self._number.ravel()
-        coarse = self._nested(_gathered(number, inflow.ravel(), self._coarse(0)), 0)
+        coarse = self._nested(_gathered(number, inflow.ravel(), self._size(0)), 0)
         pressure = _spread(number, coarse).reshape(inflow.shape)
         for _ in range(SWEEPS):
             pressure = _swept(*self._grid, inflow, pressure, np.empty(inflow.shape))
@@ -115,13 +115,13 @@ class Multigrid:
         if depth == len(self._levels):
             return self._visit(inflow, depth)
         level = self._levels[depth]
-        coarse = self._nested(_gathered(level.number, inflow, self._coarse(depth + 1)), depth + 1)
+        coarse = self._nested(_gathered(level.number, inflow, self._size(depth + 1)), depth + 1)
         pressure = _spread(level.number, coarse)
         return pressure + self._visit(_left(level, inflow, pressure), depth)
 
-    def _coarse(self, depth: int) -> Array:
-        """Return zeros for the inflow of a level."""
-        return np.zeros(self._levels[depth].diagonal.size if depth < len(self._levels) else self._factor.shape[0])
+    def _size(self, depth: int) -> int:
+        """Return the number of nodes of a level."""
+        return int(self._levels[depth].diagonal.size if depth < len(self._levels) else self._factor.shape[0])
 
     def _visit(self, inflow: Array, depth: int) -> Array:
         """Return the pressures of a level."""
@@ -130,7 +130,7 @@ class Multigrid:
             return direct
         level = self._levels[depth]
         first = np.empty(inflow.size)
-        left = _graph_before(level, inflow, first, self._coarse(depth + 1))
+        left = _graph_before(level, inflow, first, np.zeros(self._size(depth + 1)))
         coarse = self._visit(left, depth + 1)
         if depth + 1 < len(self._levels):
             below = self._levels[depth + 1]
@@ -204,23 +204,15 @@ def _sweep(south: Field, east: Field, own: Field) -> Single:
     return sweep
 
 
-@compiled
-def _gathered(number: NDArray[Any], inflow: Array, coarse: Array) -> Array:
+def _gathered(number: NDArray[Any], inflow: Array, size: int) -> Array:
     """Add up an inflow by aggregates, times `STRETCHED` as their conductances: pressures then keep their size."""
-    for node in range(number.size):
-        if number[node] >= 0:
-            coarse[number[node]] += STRETCHED * inflow[node]
-    return coarse
+    conducts = number >= 0
+    return np.asarray(np.bincount(number[conducts], STRETCHED * inflow[conducts], size), dtype=np.float64)
 
 
-@compiled
 def _spread(number: NDArray[Any], coarse: Array) -> Array:
     """Return the pressures of aggregates on their elements or nodes."""
-    pressure = np.zeros(number.size)
-    for node in range(number.size):
-        if number[node] >= 0:
-            pressure[node] = coarse[number[node]]
-    return pressure
+    return np.where(number >= 0, coarse[number], 0.0)
 
 
 @compiled
