@@ -29,6 +29,7 @@ from xarray import Dataset
 from roughvol.analysis import leak
 from roughvol.analysis.closing import solved_loads
 from roughvol.analysis.derived import P, V
+from roughvol.analysis.legs import legs_of, steps_of
 from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
@@ -180,11 +181,6 @@ class State:
         return f"{text} ({self.closed} closed before)" if self.closed else text
 
 
-def legs_of(group: Dataset) -> list[int]:
-    """Return the legs of a path with a solved state; ``[1]`` without legs."""
-    return [int(leg) for leg in dict.fromkeys(group["leg"].values.tolist())] if "leg" in group else [1]
-
-
 def at(run: Run, group: Dataset, level: Level) -> State:
     """Return `state_at` with the leak of the seal of the study."""
     state = state_at(run, group, level)
@@ -224,7 +220,7 @@ def state_at(run: Run, group: Dataset, level: Level) -> State:
 def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach: list[float]) -> State | None:
     """Return the surfaces at a level of a leg, None if there are none; add the values of the leg to ``reach``."""
     group = _inverse(group)
-    on_leg = np.flatnonzero(group["leg"].values == leg) if "leg" in group else np.arange(group.sizes["step"])
+    on_leg = steps_of(group, leg)
     offset = int(on_leg[0])
     turn = int(offset > 0 and level.kind not in ("last", "step"))  # a leg begins where the leg before ends
     offset -= turn

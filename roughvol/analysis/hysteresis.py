@@ -12,7 +12,7 @@ from xarray import Dataset
 from roughvol.analysis.at import state_at
 from roughvol.analysis.average import average
 from roughvol.analysis.derived import P, derived, groups
-from roughvol.analysis.legs import along
+from roughvol.analysis.legs import along, legs_of
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number, spread
 from roughvol.analysis.units import sigma
@@ -51,9 +51,7 @@ HEAD = ("p*", "quantity", "elastic", "plastic", "elastic over plastic", "surface
 
 def hysteresis(run: Run, group: Dataset, several: str = "") -> Iterator[Table]:
     """Yield the table of a path of surfaces along ``seed``: quantities at equal pressures on the legs up and down."""
-    if "leg" not in group:
-        return
-    legs = np.unique(group["leg"].values).tolist()
+    legs = legs_of(group)
     if len(legs) < 2:
         return
     group = _with_flow(group)

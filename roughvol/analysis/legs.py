@@ -6,6 +6,17 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.observables.variables import STATES
+from roughvol.typing import Index
+
+
+def legs_of(ds: Dataset) -> list[int]:
+    """Return the legs of a path with a solved state; ``[1]`` without legs."""
+    return [int(leg) for leg in dict.fromkeys(ds["leg"].values.tolist())] if "leg" in ds else [1]
+
+
+def steps_of(ds: Dataset, leg: int) -> Index:
+    """Return the places of the steps of a leg on the axis ``step``; all without legs."""
+    return np.flatnonzero(ds["leg"].values == leg) if "leg" in ds else np.arange(ds.sizes["step"])
 
 
 def first_leg(ds: Dataset) -> Dataset:
@@ -21,9 +32,7 @@ def first_leg(ds: Dataset) -> Dataset:
 
 def along(ds: Dataset, leg: int) -> Dataset:
     """Return the steps of a leg, from the state in which it begins; all steps of a dataset without legs."""
-    if "leg" not in ds:
-        return ds
-    steps = np.flatnonzero(ds["leg"].values == leg)
+    steps = steps_of(ds, leg)
     return ds.isel(step=slice(max(int(steps[0]) - 1, 0), int(steps[-1]) + 1))
 
 

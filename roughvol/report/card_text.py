@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from xarray import Dataset
 
-from roughvol.analysis.at import legs_of
 from roughvol.analysis.leak_card import Beside, Card, SealLeak, Way
+from roughvol.analysis.legs import legs_of
 from roughvol.analysis.seal import NO_LEAK, sizes_of
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import Table, number, rounded

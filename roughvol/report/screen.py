@@ -12,10 +12,10 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis import leak
-from roughvol.analysis.at import State, at, legs_of, recorded_labels
+from roughvol.analysis.at import State, at, recorded_labels
 from roughvol.analysis.average import average, is_flow
 from roughvol.analysis.derived import P, check_pressed, derived, groups
-from roughvol.analysis.legs import first_leg
+from roughvol.analysis.legs import first_leg, legs_of
 from roughvol.analysis.seal import with_leaks
 from roughvol.analysis.stored_run import Run, answers
 from roughvol.analysis.tables import Table, by_direction
