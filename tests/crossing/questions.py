@@ -530,17 +530,30 @@ def at_python(made: Made) -> int:
         with python(made):
             found = roughvol.open(made.kind.asked, changes=made.kind.changes).roughvol.at(label)
         for surface in made.surfaces:
-            own = found.sel({name: value for name, value in surface.labels.items() if name in found.dims})
+            place = {name: value for name, value in surface.labels.items() if name in found.dims}
+            own = _by_direction(found.sel(place))
             numbers = oracle.recorded(surface, label)
             if numbers is None:
-                assert not bool(own["reached"]), surface.labels
-                assert math.isnan(float(own["mean_pressure"])), surface.labels
+                assert not own["reached"], surface.labels
+                assert math.isnan(own["mean_pressure"]), surface.labels
                 continue
-            for name in numbers.keys() & set(map(str, own.data_vars)) - {"leg", STIFFNESS}:
+            for name in numbers.keys() & own.keys() - {"leg", STIFFNESS}:
                 wanted = numbers[name] if math.isfinite(numbers[name]) else math.nan
-                close(float(own[name]), wanted, f"{surface.labels}, {name}", within=TIGHT, flow=oracle.is_flow(name))
+                given = own[name] if math.isfinite(own[name]) else math.nan
+                close(given, wanted, f"{surface.labels}, {name}", within=TIGHT, flow=oracle.is_flow(name))
                 count += math.isfinite(wanted)
     return count
+
+
+def _by_direction(ds: xr.Dataset) -> dict[str, float]:
+    """Return the numbers of a surface by name, those along an axis as ``leak_rate_x``."""
+    numbers = {}
+    for name, variable in ds.data_vars.items():
+        along = variable.sel(axis=["x", "y"]).values if variable.dims == ("axis",) else []
+        numbers |= {f"{name}_{axis}": float(value) for axis, value in zip("xy", along, strict=False)}
+        if not variable.dims:
+            numbers[str(name)] = float(variable)
+    return numbers
 
 
 def status(made: Made) -> int:
