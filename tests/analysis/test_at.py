@@ -120,32 +120,6 @@ def test_symbols_name_their_quantities(text: str, kind: str) -> None:
     assert parse(text) == parse(f"{kind}={text.partition('=')[2]}")
 
 
-def test_under_fluid_pressure_the_leak_is_that_of_the_lifted_gap() -> None:
-    run = _run("lift")
-    stored = run.dataset.isel(D=0, m=0)
-    for level in ("pressure=0.03 MPa", "pressure=0.05 MPa"):
-        state = at(run, _groups(run)[0], parse(level))
-        lifted = stored["fluid_leak_rate"].sel(fluid_at=level).values
-        assert_allclose(state.data["leak_rate"].values, lifted, rtol=0.0)
-        solved = stored.sel(fluid_at=level)
-        # not read off between the steps
-        dry = lifted * (solved["fluid_leak_dry"] / solved["fluid_leak"]).fillna(0.0).values
-        assert_allclose(state.data["leak_rate_dry"].values, dry, rtol=1e-12)
-        starred = state.data["transmissivity_dry"] * state.data["free_volume"] ** 3
-        assert_allclose(starred.values, solved["fluid_leak_dry"].values)
-        assert (state.data["leak_rate_dry"].values <= lifted).all()
-        assert (state.data["leak_rate_dry"].values < lifted).any(axis=0).all()
-    between_states = at(run, _groups(run)[0], parse("pressure=0.04 MPa"))
-    assert between_states.data["leak_rate"].isnull().all()
-
-
-def test_the_lifted_leak_is_not_read_off_between_two_steps_that_have_it(tmp_path: Path) -> None:
-    text = LIFT.replace("{steps: 4, to: {pressure: 0.05 MPa}}", "{pressures: [0.03 MPa, 0.05 MPa]}")
-    found = _made(text.replace("[3, 4, 5]", "[3]"), tmp_path).roughvol.at("pressure=0.04 MPa")
-    assert all(found[name].isnull().all() for name in ("leak_rate", "open"))
-    assert found["leak_rate_dry"].notnull().all()
-
-
 def test_a_step_that_ends_short_of_a_recorded_load_has_the_lifted_leak_there() -> None:
     """The recorded state belonged to the next step, and the leak of this surface was missing at the listed load."""
     ds = _run("lift").dataset
