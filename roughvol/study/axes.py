@@ -120,7 +120,7 @@ def _indexed(path: KeyPath, places: Mapping[str, int]) -> KeyPath:
 def _along(combinations: Sequence[T], sizes: Sequence[int]) -> list[list[T]]:
     """Return, for each axis, the combinations with the first item of all other axes; the last axis is fastest."""
     strides = [math.prod(sizes[k + 1 :]) for k in range(len(sizes))]
-    return [[combinations[k * stride] for k in range(size)] for size, stride in zip(sizes, strides, strict=True)]
+    return [list(combinations[: size * stride : stride]) for size, stride in zip(sizes, strides, strict=True)]
 
 
 def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> tuple[tuple[Axis, ...], list[S]]:

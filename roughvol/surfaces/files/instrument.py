@@ -101,11 +101,9 @@ def _channel(reader: Any, wanted: str | None) -> Any:
         default = reader.default_channel
         chosen = next((data for data in maps if data.index == default.index), maps[0] if maps else default)
     else:
-        kinds = (
-            data.data_kind.value if data in maps or data.data_kind.value != HEIGHT else "no heights"
-            for data in channels
-        )
-        listing = ", ".join(f"{_label(data)} ({kind})" for data, kind in zip(channels, kinds, strict=True))
+        kinds = ((data, data.data_kind.value) for data in channels)
+        named = ((data, "no heights" if kind == HEIGHT and data not in maps else kind) for data, kind in kinds)
+        listing = ", ".join(f"{_label(data)} ({kind})" for data, kind in named)
         chosen = channels[position([data.name for data in channels], wanted, listing, "channel")]
     if reason := _no_heights(chosen):
         listing = ", ".join(map(_label, maps)) or "none"

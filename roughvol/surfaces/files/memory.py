@@ -131,10 +131,8 @@ def _netcdf(path: Path, heights: Array, dims: tuple[str, ...], attributes: Text,
     with ONE_AT_A_TIME, Dataset(path, "w", format="NETCDF3_64BIT_OFFSET") as stored:
         for dim, nodes in zip(dims, heights.shape, strict=True):
             stored.createDimension(dim, nodes)
-        for name, along, values, texts in [
-            *((dim, (dim,), values, texts) for dim, (values, texts) in coordinates.items()),
-            (VARIABLE, dims, heights, attributes),
-        ]:
+        variables = {dim: ((dim,), *coordinate) for dim, coordinate in coordinates.items()}
+        for name, (along, values, texts) in (variables | {VARIABLE: (dims, heights, attributes)}).items():
             stored.createVariable(name, "f8", along)[:] = values
             stored[name].setncatts(texts)
     return path
