@@ -15,11 +15,9 @@ from roughvol.study import Case
 from roughvol.study.sections.height_file import Crop
 from roughvol.study.sections.treatment import Lattice, after, nodes_kept, resampled_nodes
 from roughvol.surfaces import treatment
-from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 from tests.study.kit import case_of, surface_of, table
 
-X, Y = np.meshgrid(np.arange(41.0), np.arange(37.0), indexing="ij")
 MAP = treatment.low_pass(np.random.default_rng(0).normal(size=(41, 37)), 1.0, 5.0)
 SPIKES = np.zeros(MAP.shape, dtype=bool)
 SPIKES[[3, 20, 40], [7, 30, 0]] = True
@@ -82,15 +80,6 @@ def test_a_crop_of_a_crop_lies_in_it(nodes: int, shares: list[float]) -> None:
     ends = (first / (left.shape[0] - 1), last / (left.shape[0] - 1))
     again = nodes_kept(Crop(x=ends), 1, left, None) or ((0, left.shape[0] - 1), (0, 0))
     assert again[0] == (first, last)
-
-
-def test_what_lies_outside_the_crop_changes_nothing(folder: Path) -> None:
-    keys = "crop: {x: [0.25, 0.75], y: [0.25, 0.75]}, outliers: {}, level: tilt, low_pass: 4 um"
-    changed = MAP.copy()
-    changed[:5] += 100.0
-    np.save(folder / "changed.npy", changed)
-    one, other = (_surface(folder, f"file: {name}.npy, {keys}") for name in ("map", "changed"))
-    assert np.array_equal(one.heights, other.heights)
 
 
 def test_what_is_not_allowed_is_refused_by_key(folder: Path) -> None:
@@ -164,23 +153,6 @@ def test_a_file_with_holes_is_refused_all_the_same(folder: Path) -> None:
         _surface(folder, "file: holed.npy, outliers: {sigma: 6}")
 
 
-def test_outliers_do_not_bend_the_plane_that_is_levelled(folder: Path) -> None:
-    np.save(folder / "spiked.npy", SPIKED + 0.3 * X - 0.1 * Y)
-    levelled = _surface(folder, "file: spiked.npy, outliers: {}, level: tilt, missing: nearest").heights
-    expected = treatment.level(np.where(SPIKES, np.nan, MAP), "tilt")
-    assert np.abs(levelled - expected)[~SPIKES].max() < 1e-12
-    biased = _surface(folder, "file: spiked.npy, level: tilt").heights
-    assert np.abs(biased - expected)[~SPIKES].max() > 1e-2
-
-
-def test_outliers_are_looked_for_before_block_means_would_hide_them(folder: Path) -> None:
-    surface = _surface(folder, "file: spiked.npy, outliers: {}, downsample: 2")
-    expected = treatment.block_means(np.where(SPIKES, np.nan, MAP)[:40, :36], 2)
-    assert np.abs(surface.heights - expected).max() < 1e-15
-    assert (surface.outliers, surface.filled) == (2, 0)  # the third lies in the row that fills no block
-    assert surface.peak_before > surface.peak + 5.0
-
-
 def test_the_order_of_all_treatments(folder: Path) -> None:
     keys = "crop: {x: [0, 0.9]}, outliers: {sigma: 5, window: 7}, downsample: 2, level: tilt, missing: nearest"
     surface = _surface(folder, f"file: spiked.npy, {keys}, low_pass: 8 um")
@@ -188,6 +160,8 @@ def test_the_order_of_all_treatments(folder: Path) -> None:
     heights = np.where(treatment.outliers(heights, 5.0, 7), np.nan, heights)
     heights = treatment.fill(treatment.level(treatment.block_means(heights, 2), "tilt"), "nearest")
     assert np.array_equal(surface.heights, treatment.low_pass(heights, 2.0, 8.0))
+    assert (surface.outliers, surface.filled) == (2, 0)  # the third is cut off; means of blocks have no holes
+    assert surface.peak_before > surface.peak + 2.0
     text = _case(folder, f"file: spiked.npy, {keys}, low_pass: 8 um").surface_text
     steps = ["cropped to", "removed", "means of 2 x 2", "least-squares tilt", "missing heights", "waves shorter"]
     assert [text.index(step) for step in steps] == sorted(text.index(step) for step in steps)
@@ -218,26 +192,7 @@ def test_outliers_of_both_bodies_are_taken_out_and_counted(folder: Path) -> None
     assert both.peak < 6.0
 
 
-# Pressed
-
-SMOOTH = treatment.low_pass(random_midpoint_displacement(2.2, 6, seed=4).heights, 1.0, 6.0)
-
-
-def _pressure(folder: Path, heights: np.ndarray, keys: str = "") -> float:
-    np.save(folder / "pressed.npy", heights)
-    case = _case(folder, f"file: pressed.npy, unit: um{keys}", "sweep: {steps: 1, to: {contact_area: 0.01}}", L="64")
-    stored = one_case.run_case(case)
-    assert stored.contact_area_fraction.values.item() >= 0.01
-    return (stored.mean_pressure * stored.Sq).values.item()  # over E*, times L
-
-
-def test_a_spike_changes_the_pressure_and_without_it_all_is_as_before(folder: Path) -> None:
-    spiked = SMOOTH.copy()
-    spiked[17, 40] += 40.0 * SMOOTH.std()
-    clean = _pressure(folder, SMOOTH)
-    assert _pressure(folder, spiked) > 10.0 * clean
-    assert _pressure(folder, spiked, ", outliers: {sigma: 6}") == pytest.approx(clean, rel=1e-2)
-    assert _pressure(folder, SMOOTH, ", outliers: {sigma: 6}") == clean
+# Stored
 
 
 def test_what_was_taken_out_is_stored(folder: Path) -> None:
