@@ -242,10 +242,7 @@ def _nearest(missing: Mask, periodic: bool) -> tuple[Index, Index]:
 
 
 def _harmonic(heights: Array, missing: Mask, periodic: bool) -> Array:
-    """Return the missing heights from the discrete Laplace equation, with natural conditions at the rim.
-
-    A period has no rim.
-    """
+    """Return the missing heights from the discrete Laplace equation, with natural conditions at the rim of a patch."""
     from scipy.sparse import linalg  # for holes alone
 
     rows, columns = heights.shape
