@@ -165,9 +165,7 @@ class CounterBody(Strict):
     columns: Columns | None = optional(_COLUMNS)
     header: Header | None = optional(_HEADER)
     mirror: Mirror = default(
-        "none",
-        "'none': node [i, j] faces node [i, j] of the first; 'x' or 'y': first or second axis reversed, as "
-        "for two scans from above, one body turned over",
+        "none", "'none': nodes [i, j] face each other; 'x', 'y': that axis reversed, as of a scan from above, turned over"
     )
 
 
