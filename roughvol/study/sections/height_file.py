@@ -165,7 +165,9 @@ class CounterBody(Strict):
     columns: Columns | None = optional(_COLUMNS)
     header: Header | None = optional(_HEADER)
     mirror: Mirror = default(
-        "none", "'none': nodes [i, j] face each other; 'x', 'y': that axis reversed, as of a scan from above, turned over"
+        "none",
+        "'none': node [i, j] faces node [i, j] of the first; 'x' or 'y': this axis reversed, as of one of two scans "
+        "from above, turned over",
     )
 
 
