@@ -145,10 +145,7 @@ class Forecast:
         self._all = 0.0
 
     def expect(self, works: Mapping[str, float], steps: Mapping[str, int], later: float = 0.0) -> None:
-        """Begin a batch: expected seconds and number of steps of its cases by id, and the seconds of later batches.
-
-        The ratios of these seconds alone count.
-        """
+        """Begin a batch: seconds, whose ratios count, and steps of its cases by id, and the seconds of later ones."""
         if not self._works:
             self._started = self._clock()
         self._works |= works
