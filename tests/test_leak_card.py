@@ -124,11 +124,14 @@ def test_a_closed_joint_has_a_largest_leak(monkeypatch: pytest.MonkeyPatch) -> N
         assert way["leak_interval"][1] > 0.0
 
 
-def test_a_card_has_the_mean_gap_in_the_unit_of_the_study() -> None:
+def test_a_card_has_mean_gap_and_second_body_as_the_study_gives_them() -> None:
     text = PRESSED.replace("L: 100 um", "L: 0.1 mm").replace("dimensional: {", "dimensional: {mean_gap: nm, ")
-    printed = _brief(_computed(text, "pressure=0.02 MPa"))
-    found = re.search(r"Mean gap V\*: ([\d.]+) σ, ([\d.]+) nm", printed)
-    assert float(found[2]) == pytest.approx(500.0 * float(found[1]), rel=1e-3)
+    material = "{E: 10 MPa, nu: 0.5, against: {E: 200 GPa, nu: 0.3}}"
+    found = _computed(text.replace("{E_star: 10 MPa}", material), "pressure=0.02 MPa")
+    gap = re.search(r"Mean gap V\*: ([\d.]+) σ, ([\d.]+) nm", _brief(found))
+    assert float(gap[2]) == pytest.approx(500.0 * float(gap[1]), rel=1e-3)
+    facts = dict(card_text.rests_on(found.pages[0].fine)[0])
+    assert facts["Material"] == "E 10 MPa, nu 0.5, against {E: 200 GPa, nu: 0.3}"
 
 
 def test_a_load_beyond_a_sweep_that_ended_closed_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -292,12 +295,6 @@ def test_the_table_of_cards_of_a_gas_alone_has_the_leak_of_the_gas() -> None:
     of_seal = [row[table.head.index("leak of the gas, seal [sccm]")] for row in table.rows]
     assert of_seal == [card_text.short(card.seal.gas_leak) for card in found.cards.values() if card.seal]
     assert "leak x T* V*³ of a liquid" in table.head
-
-
-def test_a_card_has_the_second_body_as_the_study_gives_it() -> None:
-    material = "{E: 10 MPa, nu: 0.5, against: {E: 200 GPa, nu: 0.3}}"
-    page = _computed(SEAL.replace("{E_star: 10 MPa}", material), "pressure=0.02 MPa").pages[0]
-    assert dict(card_text.rests_on(page.fine)[0])["Material"] == "E 10 MPa, nu 0.5, against {E: 200 GPa, nu: 0.3}"
 
 
 def test_a_variation_of_a_study_has_a_card_of_its_own() -> None:
