@@ -54,8 +54,7 @@ def volume_from_dimension(
 ) -> float:
     """Return V* from the dimension of the free volume domains, with K bins between K + 1 thresholds (Eqs. 7-10).
 
-    A domain of dimension 𝒟 has (l/δ)^𝒟 elements (Eq. 6). So n_k = (l/δ)^{𝒟_{k+1}} - (l/δ)^{𝒟_k} (Eq. 8), and
-    V* = Σ w_k n_k / (σ A_n) (Eqs. 9 and 10) with
+    n_k = (l/δ)^{𝒟_{k+1}} - (l/δ)^{𝒟_k} (Eqs. 6 and 8), and V* = Σ w_k n_k / (σ A_n) (Eqs. 9 and 10) with
 
         weight "width":   w_k = v_{k+1} - v_k          as printed; tends to 0 with growing K
         weight "volume":  w_k = (v_{k+1} + v_k) / 2    the volume of an element in the bin; converges

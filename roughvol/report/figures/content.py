@@ -99,18 +99,13 @@ def missing(name: str, runs: Sequence[Named]) -> str | None:
             several = VARIABLES_OF.get(key, [key])
             held = [variable for variable in several if variable in run.ready]
             stored = list(dict.fromkeys(_stored(run.ready, variable) for variable in held or several))
-            reasons = [_lacks(name, run.ready, variable) for variable in held or several]
+            reasons = [origin.lacking(name, run.ready, (variable,)) for variable in stored]
             if all(reasons):
                 if not any(variable in run.ready for variable in stored):  # any of them would do
                     wanted = [variable for variable in stored if variable.removesuffix("_dry") == variable]
                     reasons = [origin.lacking(name, run.ready, wanted or stored, joint=" or ")]
                 return f"{run.name}: {'; '.join(map(str, reasons))}"
     return None
-
-
-def _lacks(figure: str, ds: Dataset, variable: str) -> str | None:
-    """Return why a figure of a variable cannot be drawn from a dataset, None if it can."""
-    return origin.lacking(figure, ds, (_stored(ds, variable),))
 
 
 def _stored(ds: Dataset, name: str) -> str:
@@ -252,7 +247,7 @@ def _variable(key: str, runs: Sequence[Named]) -> str:
     known = VARIABLES_OF.get(key, [key])
     units = {name: {_unit(name, run.dataset) for run in runs if name in run.dataset} for name in known}
     for name, found in units.items():
-        if len(found) == 1 and not any(_lacks(key, run.dataset, name) for run in runs):
+        if len(found) == 1 and not any(origin.lacking(key, run.dataset, (_stored(run.dataset, name),)) for run in runs):
             return name
     differing = ", ".join(sorted(set().union(*units.values())))
     raise DatasetError(f"the runs have {' or '.join(known)} in different units: {differing}")
