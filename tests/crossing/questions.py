@@ -405,7 +405,7 @@ def check_means(made: Made, text: str) -> int:
         state, name = made.stored.sel(D=float(D), ensemble_at=f"{kind}={load}"), HEADS.get(symbol, symbol)
         mean, low, high = float(state[f"{name}_mean"]), *state[f"{name}_interval"].values.tolist()
         close(float(value), mean, f"mean {symbol}")
-        close(float(share), 50.0 * (high - low) / mean, "half width of the interval", within=0.02)
+        close(float(share), 50.0 * (high - low) / mean, "half width of the interval", within=0.05)  # two digits
     return 2 * len(found)
 
 
