@@ -113,15 +113,13 @@ def labelled(mask: Mask, structure: NDArray[Any], joined: tuple[bool, bool]) -> 
         return labels, int(count)
     from scipy.sparse import csgraph  # for periods alone
 
-    margin = [(int(join), int(join)) for join in joined]
-    labels, count = scipy.ndimage.label(np.pad(mask, margin, mode="wrap"), structure)
-    inside = labels[tuple(slice(join, size - join) for join, size in zip(map(int, joined), labels.shape, strict=True))]
-    same = np.pad(inside, margin, mode="wrap")  # an element and its image
-    pairs = np.unique(np.stack([labels.ravel(), same.ravel()])[:, (labels != same).ravel()], axis=1)
+    # The first line of a joined axis comes again behind the last one: both numbers of its elements are of one cluster.
+    labels, count = scipy.ndimage.label(np.pad(mask, [(0, int(join)) for join in joined], mode="wrap"), structure)
+    seams = [lines[[0, -1]] for lines, join in zip((labels, labels.T), joined, strict=True) if join]
+    pairs = np.concatenate(seams, axis=1)
     graph = scipy.sparse.coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(count + 1, count + 1))
-    _, number = csgraph.connected_components(graph, directed=False)
-    found, numbers = np.unique(number[1:], return_inverse=True)  # 0 is the closed rest, joined to none
-    return np.concatenate([[0], numbers + 1])[inside], found.size
+    components, number = csgraph.connected_components(graph, directed=False)  # the closed rest, 0, is joined to none
+    return number[labels[: mask.shape[0], : mask.shape[1]]], components - 1
 
 
 def spanned(void: Mask, periodic: bool) -> Mask:
