@@ -311,7 +311,7 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
     alike = patch.is_isotropic([surfaces.isel(seed=[k]) for k in range(surfaces.sizes["seed"])])
     words = f"{patch.seal.label}, flow along {patch.seal.flow}, {' × '.join(map(str, patch.patches))} patches"
     found = {}
-    for name in LEAKS.keys() & set(states):
+    for name in [name for name in LEAKS if name in states]:  # in this order in tables
         leaks = states[name].transpose(..., "seed", "axis")
         several = leaks.ndim > 2
         draws = patch.draws_of_many if several else DRAWS

@@ -316,7 +316,9 @@ def test_a_seal_of_a_gas_alone_turns_its_patches_as_beside_a_liquid(tmp_path: Pa
     asked, _ = read_off.of_gas(both.squeeze(("D", "m")), "pressure")
     assert_array_equal(seal.ratios(asked.isel(seed=[0])), seal.ratios(both.isel(seed=[0])))
     of_gas = both.drop_vars([name for name in both if str(name).startswith(("transmissivity", "leak_rate"))])
-    leaks = [screen.records(Run.of("joint", ds), [parse(AT)]).frame()["seal_gas_leak_rate"] for ds in (both, of_gas)]
+    frames = [screen.records(Run.of("joint", ds), [parse(AT)]).frame() for ds in (both, of_gas)]
+    leaks = [frame["seal_gas_leak_rate"] for frame in frames]
+    assert [name for name in frames[0] if name.startswith("seal")] == ["seal_leak_rate", "seal_gas_leak_rate"]
     assert_allclose(*leaks, rtol=1e-12)
     (table,), _ = screen.shown_at(Run.of("joint", of_gas), [parse(AT)])
     assert "Q_g,seal is the leak of the seal" in table.note
