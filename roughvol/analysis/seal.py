@@ -146,10 +146,9 @@ def drawn(
     draws: int = DRAWS,
     seed: int = 0,
 ) -> Array:
-    """Return a number of sheets, shape (draws,), whose patches are drawn from two pools of one size.
+    """Return a number of sheets, shape (draws,), drawn from as many patches along as across the flow.
 
-    The pools are along and across the flow. ``of`` gives the number of each sheet, as `sheet.closing`; ``together``
-    that of rings side by side, as `numpy.max`.
+    ``of`` gives the number of each sheet, as `sheet.closing`; ``together`` that of rings side by side, as `numpy.max`.
     """
     n, m = patches
     if n > ROW:
