@@ -20,8 +20,6 @@ from roughvol.report import page
 from tests.kit import call, refused, said, succeeded, twin
 from tests.stored_runs.archive import VERSIONS, studies, unpack
 
-pytestmark = pytest.mark.usefixtures("few_samples")
-
 CASES = [(version, name) for version in VERSIONS for name in studies(version)]
 OLDEST = VERSIONS[0]
 # The same cases, where a question takes seconds: of the versions since, one run each, the rest in `make test-slow`.
