@@ -135,9 +135,11 @@ def _same_file(handle: int, path: Path) -> bool:
 def _named(handle: int) -> Holder | None:
     """Return the process named in a lock file, None if the content makes no sense."""
     try:
-        return Holder(**json.loads(os.pread(handle, MAX_BYTES, 0)))
-    except (ValueError, TypeError, OSError):
+        named = Holder(**json.loads(os.pread(handle, MAX_BYTES, 0)))
+    except (ValueError, TypeError, OSError, RecursionError):
         return None
+    types = [*map(type, vars(named).values())]
+    return named if types == [str, int, str, str] and named.pid > 0 else None
 
 
 def _birth(pid: int) -> str:

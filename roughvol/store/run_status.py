@@ -141,7 +141,9 @@ def of_results(folder: Path) -> Status | None:
 def _progress(folder: Path) -> tuple[tuple[str, ...], float | None]:
     """Return the cases at work and the seconds to go, as the run has noted them."""
     noted = run_folder.small_json(folder / "progress.json")
-    return tuple(noted.get("running", ())), noted.get("left")
+    running, left = noted.get("running"), noted.get("left")
+    ids = tuple(id for id in running if isinstance(id, str)) if isinstance(running, list) else ()
+    return ids, float(left) if isinstance(left, int | float) else None
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
 from roughvol.store import run_folder, stamped_file
 from roughvol.study import Case, Study
+
+_LEVEL = re.compile("[1-9][0-9]?")
 
 
 def path(folder: Path) -> Path:
@@ -29,6 +32,9 @@ def cases_of(study: Study, folder: Path) -> dict[str, Case]:
     samples: list[Case] = []
     for D, finest in {case.D: case.m for case in study.cases()}.items():
         assert D is not None  # the cases of an ensemble are made
-        for m, number in ({str(finest): 1} | plan.get(repr(D), {})).items():
+        planned = plan.get(repr(D))
+        counts = planned.items() if isinstance(planned, dict) else ()
+        sound = {m: n for m, n in counts if _LEVEL.fullmatch(m) and type(n) is int and n > 0}
+        for m, number in ({str(finest): 1} | sound).items():
             samples += [study.sample(D, int(m), first + seed) for seed in range(number)]
     return {case.id: case for case in samples}

@@ -1,5 +1,6 @@
 """Ensembles in a folder: answers by stored numbers alone, whoever computes and whatever interrupts."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -117,6 +118,14 @@ def test_an_unfinished_ensemble_is_collected_without_an_answer(cases: Path) -> N
     assert "free_volume_mean" not in results
     assert "no answer yet: 1 of " in results.attrs["answer"]
     assert results.free_volume.notnull().any("step").sum() == len(files_of(cases))
+
+
+def test_a_plan_that_makes_no_sense_is_read_without_it(finished: Path, cases: Path) -> None:
+    plan = json.loads((cases / "ensemble.json").read_text(encoding="utf-8"))["2.3"]
+    more = dict.fromkeys(("²", "-1", "1" * 5000, ""), 3)
+    for changed, found in ((plan | more, files_of(cases)), *((one, [1]) for one in ({"3": "x"}, {"3": 0}, [1], None))):
+        (cases / "ensemble.json").write_text(json.dumps({"2.3": changed}), encoding="utf-8")
+        assert len(status(STUDY, cases).done) == len(found), changed
 
 
 def test_fresh_computes_every_sample_again(cases: Path) -> None:

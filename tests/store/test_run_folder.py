@@ -67,7 +67,7 @@ def test_a_second_run_is_refused_and_told_who_has_the_folder(study: Study, tmp_p
 
 @pytest.mark.parametrize(
     "content",
-    [b"", b"{", b"[1]", b'{"host": 3}', b"\xff\xfe"],
+    [b"", b"{", b"[1]", b'{"host": 3}', b"\xff\xfe", b"[" * 4000, b'{"host": 3, "pid": "1", "started": "x"}'],
 )
 def test_a_lock_that_says_nothing_is_stale(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "lock").write_bytes(content)
@@ -546,9 +546,15 @@ def test_a_run_whose_folder_was_moved_leaves_the_lock_of_the_next_one_alone(tmp_
 
 
 def test_a_stale_note_is_none_and_removed(study: Study, place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (place / "progress.json").write_text(json.dumps({"running": [study.cases()[0].id], "left": 5.0}))
-    found = run_status.status(study, place)
-    assert (len(found.done), found.running, found.left) == (4, (), None)
+    def note(noted: object) -> None:
+        (place / "progress.json").write_text(json.dumps(noted))
+        found = run_status.status(study, place)
+        assert (len(found.done), found.running, found.left) == (4, (), None)
+
+    with lock.opened(place):  # notes that make no sense
+        for noted in ({"running": 5, "left": "x"}, {"running": [3, ["y"]]}, [1], None):
+            note(noted)
+    note({"running": [study.cases()[0].id], "left": 5.0})
     _refuse_work(monkeypatch)
     execution.run(study, out=place)
     assert not (place / "progress.json").exists()
