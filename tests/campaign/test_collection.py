@@ -78,6 +78,13 @@ def test_a_pattern_may_begin_above_the_study() -> None:
     assert [Path(case.bodies[0].file).name for case in study.cases()] == ["m0.npy"]
 
 
+def test_a_pattern_takes_each_file_once_whatever_links_to_its_folder() -> None:
+    Path("maps/again").symlink_to(".")
+    assert len(loads("surface: {files: 'maps/**/**/m0*.npy', L: 1 um}", Path("s.yaml")).cases()) == 1
+    with pytest.raises(StudyError, match=r"surface\.files: no pattern"):
+        loads(f"surface: {{files: '{'x' * 300}', L: 1 um}}")
+
+
 STRANGE = ("=cmd|calc.npy", "@SUM(A1).npy", "+1.npy", "<img src=x onerror=alert(1)>.npy", "<b>\\<i>.npy", "plain.npy")
 
 

@@ -5,7 +5,6 @@ Sizes and units in a file are read when the cases are made, see `sections.agreem
 
 from __future__ import annotations
 
-import glob
 import importlib.util
 import itertools
 from collections.abc import Mapping
@@ -96,15 +95,20 @@ def _matching(value: Any, info: ValidationInfo) -> list[str]:
         return list(value)
     if not isinstance(value, str):
         refuse_at(("files",), value, "must be a pattern or a list of files")
-    folder = (info.context or {}).get("folder", Path())
-    # Path.glob takes no '..' behind a pattern, and no absolute one
-    matches = map(Path, glob.iglob(value, root_dir=folder, recursive=True, include_hidden=True))  # noqa: PTH207
-    found = sorted(itertools.islice((path for path in matches if is_file(folder / path)), MOST_FILES + 1))
+    folder, pattern = (info.context or {}).get("folder", Path()), Path(value)
+    base, names = folder, value
+    if pattern.is_absolute():  # which Path.glob does not take
+        base, names = Path(pattern.anchor), str(pattern.relative_to(pattern.anchor))
+    try:  # glob.iglob would go round a folder that links to itself
+        matches = filter(is_file, base.glob(names) if Path(names).name else ())
+        found = sorted(itertools.islice(matches, MOST_FILES + 1))
+    except (ValueError, OSError) as error:
+        refuse_at(("files",), value, "no pattern ({reason})", reason=str(error))
     if len(found) > MOST_FILES:
         refuse_at(("files",), value, "matches more than {most} files", most=str(MOST_FILES))
     if not found:
         refuse_at(("files",), value, "no file matches {pattern}", pattern=printable(str(folder / value)))
-    return list(map(str, found))
+    return [str(path if pattern.is_absolute() else path.relative_to(folder)) for path in found]
 
 
 def _path_text(value: str, info: SerializationInfo) -> str:
