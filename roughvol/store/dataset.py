@@ -43,7 +43,7 @@ __all__ = ["Arrays", "Dataset", "build", "combine", "read", "write"]
 
 Arrays = dict[str, tuple[tuple[str, ...], NDArray[Any]]]  # dimensions and values of variables by name
 
-CHANGED = "a function of record.own that changed needs another attribute version, or --fresh"
+CHANGED = "a function of record.own that changed needs another attribute version, or --fresh, from Python fresh=True"
 COORDS = ("L", "leg")  # coordinates beside those of the dimensions
 SMALL = 1 << 20  # bytes of values up to which the file of a case is netCDF-3
 
