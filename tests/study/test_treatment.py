@@ -155,8 +155,10 @@ def test_a_file_with_holes_is_refused_all_the_same(folder: Path) -> None:
 
 def test_the_order_of_all_treatments(folder: Path) -> None:
     keys = "crop: {x: [0, 0.9]}, outliers: {sigma: 5, window: 7}, downsample: 2, level: tilt, missing: nearest"
+    tilted = SPIKED + 0.3 * np.arange(41.0)[:, np.newaxis]
+    np.save(folder / "spiked.npy", tilted)
     surface = _surface(folder, f"file: spiked.npy, {keys}, low_pass: 8 um")
-    heights = SPIKED[:36, :36]
+    heights = tilted[:36, :36]
     heights = np.where(treatment.outliers(heights, 5.0, 7), np.nan, heights)
     heights = treatment.fill(treatment.level(treatment.block_means(heights, 2), "tilt"), "nearest")
     assert np.array_equal(surface.heights, treatment.low_pass(heights, 2.0, 8.0))
