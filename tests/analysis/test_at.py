@@ -120,6 +120,15 @@ def test_symbols_name_their_quantities(text: str, kind: str) -> None:
     assert parse(text) == parse(f"{kind}={text.partition('=')[2]}")
 
 
+def test_under_fluid_pressure_the_leaks_are_those_of_the_solved_gap() -> None:
+    run = _run("lift")
+    for level in ("pressure=0.03 MPa", "pressure=0.05 MPa"):
+        state, solved = at(run, _groups(run)[0], parse(level)).data, run.dataset.isel(D=0, m=0).sel(fluid_at=level)
+        assert_allclose(state["leak_rate"].values, solved["fluid_leak_rate"].values, rtol=0.0)
+        dry = solved["fluid_leak_rate"] * (solved["fluid_leak_dry"] / solved["fluid_leak"]).fillna(0.0)
+        assert_allclose(state["leak_rate_dry"].values, dry.values, rtol=1e-12)  # not read off between the steps
+
+
 def test_a_step_that_ends_short_of_a_recorded_load_has_the_lifted_leak_there() -> None:
     """The recorded state belonged to the next step, and the leak of this surface was missing at the listed load."""
     ds = _run("lift").dataset
