@@ -249,6 +249,7 @@ def test_several_maps_have_a_card_each_one_together_and_a_table() -> None:
         assert f"Surface: face{k}.txt, Sq {height} um" in printed
     assert "of 2 surfaces open" in printed
     assert "Load: 0.02 MPa" in printed
+    assert "card: surfaces: load: leak x" in printed  # the table
     folder = Path("runs/seal_card")
     names = {path.name for path in folder.glob("*.html")}
     single = {f"card_pressure=0.02_MPa_face{k}.txt.html" for k in range(2)}

@@ -529,6 +529,7 @@ def test_a_stored_study_goes_without_its_files_and_names_no_folder(tmp_path: Pat
     text = f"surface: {{file: ./a.npy, L: 2, against: {{file: {tmp_path / 'b.npy'}}}}}"
     study = loads(text, tmp_path / "study.yaml")
     assert pickle.loads(pickle.dumps(study)).stored() == study.stored()
+    assert "name: other" in study.model_copy(update={"name": "other"}).stored()
     assert str(tmp_path) not in study.stored()
     again = loads(study.stored(), stored=True)
     assert (again.surface.file, again.surface.against.file) == ("./a.npy", "b.npy")
