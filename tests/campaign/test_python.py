@@ -1,7 +1,9 @@
 """From Python: a map pressed in one call, a study as a dict, a study with changes and from standard input."""
 
+import json
 import os
 import re
+import warnings
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -223,6 +225,9 @@ def test_doubts_are_warnings_of_one_class() -> None:
     assert [str(one.message) for one in seen] == ds.attrs["warnings"].splitlines()
     assert {Path(one.filename).name for one in seen} == {Path(__file__).name}
     assert issubclass(roughvol.RoughvolWarning, UserWarning)
+    Path("steep.json").write_text(json.dumps(study), encoding="utf-8")
+    with warnings.catch_warnings(action="error", category=roughvol.RoughvolWarning):  # printed, and once
+        assert call("run", "steep.json", "--jobs", 1).stderr.count("rms slope") == 1
 
 
 def test_files_set_aside_and_long_runs_are_warnings_too() -> None:
