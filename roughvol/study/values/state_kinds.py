@@ -235,7 +235,8 @@ def _texts(load: Mapping[str, object]) -> list[str]:
     """Return a mapping of one kind, and of a leg, as texts of `parse`."""
     kinds = [kind for kind in load if kind != "leg"]
     if len(kinds) != 1:
-        raise DatasetError(f"a load has one kind, given {kinds}; as {{'pressure': '0.5 MPa'}}")
+        words = ", ".join(map(str, kinds)) or "none"
+        raise DatasetError(f"a load has one kind, given {words}; as {{'pressure': '0.5 MPa'}}")
     values = text_of_value(load[kinds[0]], kinds[0])
     if values == []:
         raise DatasetError(f"{kinds[0]} has no value; allowed: a value or a list, as {{'pressure': ['0.1 MPa']}}")
