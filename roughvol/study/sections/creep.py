@@ -96,7 +96,9 @@ class Creep(Strict):
     prony: Prony | None = optional("{shares, times}: 1 + sum of shares (1 - exp(-t/times))")
     power: Power | None = optional("{exponent, time}: 1 + (t/time)^exponent")
     table: Table | None = optional("{times, ratios} or {times, moduli}")
-    body: Literal["first", "second", "both"] | None = optional("the body that creeps, of two; second: material.against")
+    body: Literal["first", "second", "both"] | None = optional(
+        "the body that creeps, of two; second is material.against"
+    )
     share: Annotated[float, Field(gt=0, le=1)] | None = optional(
         "share of 1/E* that creeps, 0 < share <= 1, for a study with material.E_star; default: 1"
     )

@@ -116,7 +116,9 @@ class Transport(Choice):
         "load at which the last way along x and y closes on loading, solved between the steps or beyond: true or false"
     )
     flux_at: Selector | None = optional(f"flux of div(g^3 grad P) = 0 as fields: {IN_WORDS}")
-    accuracy: FlowAccuracy | None = optional("allowed relative error of a flow, 1e-12 to 0.1, or 0.1 %; default: 1e-4")
+    accuracy: FlowAccuracy | None = optional(
+        "allowed relative error of a flow, 1e-12 to 0.1, or as 0.1 %; default: 1e-4"
+    )
 
     @model_validator(mode="after")
     def _asks_for_something(self) -> Transport:
@@ -148,7 +150,9 @@ class Region(Strict):
 class RegionWidths(Strict):
     """A*, p*, V* and transmissivity inside central squares of several widths, from one solution."""
 
-    shares: Many[AreaFraction] = default((1.0, 0.75, 0.5, 0.25), "widths of central squares over the whole, 0 to 1")
+    shares: Many[AreaFraction] = default(
+        (1.0, 0.75, 0.5, 0.25), "widths of the central squares over that of the surface, 0 to 1"
+    )
     at: States = Field(default=EVERY_STEP, validate_default=True, description=f"states of A*, p* and V*: {_WHEN}")
     transmissivity: States | None = optional(f"states of the transmissivity, x and y: {_WHEN}")
 

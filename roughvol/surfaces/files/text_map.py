@@ -106,8 +106,10 @@ class Header:
         self, heights: Array, sides: tuple[float, float] | None, reader: str, read_as: str, counted: bool = False
     ) -> HeightMap:
         """Return the map of heights under this header."""
-        shape, units = (heights.shape[0], heights.shape[1]), (self.unit, self.heights_unit)
-        described = Description(shape, sides, *units, self.channel, reader, read_as, self.source, counted)
+        shape = heights.shape[0], heights.shape[1]
+        described = Description(
+            shape, sides, self.unit, self.heights_unit, self.channel, reader, read_as, self.source, counted
+        )
         return HeightMap(described, lambda: heights)
 
 
