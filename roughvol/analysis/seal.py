@@ -12,7 +12,7 @@ of one scan, are no further scans: their mean is one number.
 
 **One scan** is the seal repeated. Its quadrants stand in for scans in the interval, and waves longer than a quadrant
 are missing there. Without a roll-off the longest waves are the highest: no patch is representative, and the interval is
-not known (`is_representative`).
+not known. Nor is it where patches hold more waves along one side than along the other (`doubt_of`).
 
 **x and y.** A patch is turned as well as it lies where x and y are alike: both numbers are drawn for both directions.
 They are alike where surfaces are made so, or the mean logarithm of x over y lies within two standard errors of 0. Two
@@ -44,8 +44,8 @@ from roughvol.gap import sheet
 from roughvol.observables.variables import QUANTITIES
 from roughvol.store.dataset import Dataset
 from roughvol.study import Region, Seal, Study
-from roughvol.study.sections.seal import WHOLE, check_alike
-from roughvol.surfaces.psd import octaves
+from roughvol.study.sections.seal import WHOLE, check_alike, unevenness
+from roughvol.surfaces.psd import octaves, waves
 from roughvol.surfaces.surface import Surface, intervals
 from roughvol.typing import Array
 
@@ -58,6 +58,10 @@ ENDS = (0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE)
 LONGEST = 0.25  # largest variance of the waves as long as the map over that of the highest octave
 LEAKS = {"leak_rate": "seal_leak_rate", "gas_leak_rate": "seal_gas_leak_rate"}
 NO_LEAK = "no surface is pressed to this load, or the leak of a surface is known along one axis alone"
+NO_ROLL_OFF = (
+    "no roll-off is found: the longest waves of the patch are among the highest, longer waves are missing, and no "
+    "patch is representative of the seal"
+)
 UNKNOWN = "seal_unknown"  # attribute with the reason why states have no leak of the seal
 NODES = ("nodes_x", "nodes_y")
 IN_A_ROW = "fluid pressure lifts patches in a row differently"
@@ -99,8 +103,15 @@ def is_isotropic(scans: Sequence[Array]) -> bool:
     return ratios.size > 1 and bool(abs(ratios.mean()) <= ERRORS * ratios.std(ddof=1) / math.sqrt(ratios.size))
 
 
-def is_representative(heights: Sequence[Surface]) -> bool:
-    """Return whether heights have a roll-off: waves as long as the map hold little, along x and along y.
+def doubt_of(heights: Sequence[Surface]) -> str:
+    """Return why patches are not representative of a seal, from their heights; empty where they are."""
+    if not has_roll_off(heights):
+        return NO_ROLL_OFF
+    return unevenness(np.mean([waves(surface) for surface in heights], axis=0))
+
+
+def has_roll_off(heights: Sequence[Surface]) -> bool:
+    """Return whether waves as long as the map hold little of the variance of heights, along x and along y.
 
     Their share of the variance, mean over the maps, is less than `LONGEST` times that of the highest octave.
     docs/explanation/notes/seal.md has how often this is so, with a roll-off and without.
@@ -368,13 +379,14 @@ def leak_of(
     quadrants: Array | None,
     *,
     isotropic: bool,
-    representative: bool,
+    doubt: str,
     shared: Sequence[Part],
 ) -> tuple[Estimate, tuple[Part, ...], tuple[str, ...]]:
     """Return the leak of a seal, the parts of its error, and how it was found in words.
 
     ``maps``, shape (scans, 2), are conductances of the maps along and across the flow in the unit of the leak.
-    ``quadrants``, shape (4, 2), are those of the only map. ``shared`` are the errors that all patches share.
+    ``quadrants``, shape (4, 2), are those of the only map. ``doubt`` says why the patches are not representative.
+    ``shared`` are the errors that all patches share.
     """
     n, m = patch.patches
     if not len(maps):
@@ -388,11 +400,8 @@ def leak_of(
             f"the map repeated, {n} × {m} times; its interval is that of its quadrants",
             f"waves longer than a quadrant of the map are missing: {number(max(patch.sides) / 2)} {patch.unit or ''}",
         ]
-    if not representative:
-        words.append(
-            "no roll-off is found: the longest waves of the patch are among the highest, longer waves are missing, and "
-            "no patch is representative of the seal"
-        )
+    if doubt:
+        words.append(doubt)
         found = Estimate(found.value, math.nan, math.nan)
     if closed := int((maps[:, :1] == 0.0).sum()):
         words.append(f"{closed} of {len(maps)} patches are closed along the flow")
@@ -401,7 +410,7 @@ def leak_of(
     smaller, larger = together(shared)
     samples = f"{len(maps)} surfaces" if quadrants is None else "4 quadrants"
     parts = (*shared, window_of(found, samples))
-    found = found.with_factor(larger, smaller) if representative else found
+    found = found if doubt else found.with_factor(larger, smaller)
     return found.times(patch.squares), parts, tuple(words)
 
 

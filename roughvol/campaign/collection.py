@@ -100,7 +100,8 @@ def combined(found: Finished, cases: Mapping[str, Case], study: Study) -> Datase
     results = dataset.combine(list(found.arrays.values()), attributes)
     results = dimensional.in_units(results, study, case.length_unit)
     findings = validity.after(validity.setting(study), results)
-    doubts = interpretation.sentences(study, results["Sq"].values.ravel(), results["L"].item(), case.length_unit)
+    waves = results["region_waves"].values.reshape(-1, 2).mean(axis=0) if "region_waves" in results else ()
+    doubts = interpretation.sentences(study, results["Sq"].values.ravel(), results["L"].item(), case.length_unit, waves)
     return results.assign_attrs(warnings="\n".join(validity.sentences(findings, (*case.notes, *doubts))))
 
 

@@ -11,10 +11,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from roughvol.campaign.case_surface import surface_of
+from roughvol.observables import void
 from roughvol.study import STARRED, Case, ContactModulus, Level, MadeSurface, Study
 from roughvol.study.plain_data import number_text
 from roughvol.study.sections import treatment
 from roughvol.study.sections.ensemble import WIDEST
+from roughvol.study.sections.seal import unevenness
 from roughvol.study.values.units import convert, unit_of
 from roughvol.surfaces import length_units, measured, texture
 from roughvol.surfaces.body import Body
@@ -105,16 +107,20 @@ def doubts(study: Study, surface: Surface | None = None) -> list[str]:
         found = (sentence for variant in study.variants for sentence in doubts(variant.study, surface))
         return list(dict.fromkeys(found))
     surface = surface or _first_surface(study)
-    several = isinstance(study.surface, MadeSurface) or len(study.surface.each) > 1
-    return sentences(study, [surface.Sq], surface.side, study.cases()[0].length_unit, about="about " * several)
+    several, case = isinstance(study.surface, MadeSurface) or len(study.surface.each) > 1, study.cases()[0]
+    waves = void.region(case, surface)["region_waves"] if study.seal is not None else ()
+    return sentences(study, [surface.Sq], surface.side, case.length_unit, waves, about="about " * several)
 
 
-def sentences(study: Study, Sq: Iterable[float], L: float, unit: str | None, *, about: str = "") -> list[str]:
+def sentences(
+    study: Study, Sq: Iterable[float], L: float, unit: str | None, waves: Sequence[float], *, about: str = ""
+) -> list[str]:
     """Return a sentence for each kind of number that may be meant in another way.
 
-    L and the Sq have one unit, None for an arbitrary one. ``about`` is a word before converted numbers.
+    L and the Sq have one unit, None for an arbitrary one. ``waves`` are the numbers of waves along x and y of a patch
+    of a seal. ``about`` is a word before converted numbers.
     """
-    found, every = [*_unused(study), *_hardness(study), *_accuracies(study), *_seal(study, unit)], list(Sq)
+    found, every = [*_unused(study), *_hardness(study), *_accuracies(study), *_seal(study, unit, waves)], list(Sq)
     if flat := every.count(0.0):
         what = "the surface is flat" if len(every) == 1 else f"{flat} of {len(every)} surfaces are flat"
         found.append(f"{what} once treated: Sq is 0, and numbers over Sq have no meaning")
@@ -206,9 +212,13 @@ def _hardness(study: Study) -> Iterator[str]:
     )
 
 
-def _seal(study: Study, unit: str | None) -> Iterator[str]:
+def _seal(study: Study, unit: str | None, waves: Sequence[float]) -> Iterator[str]:
     seal = study.seal
-    if seal is not None and seal.squares(unit) < 1.0:
+    if seal is None:
+        return
+    if len(waves) and (text := unevenness(waves)):
+        yield text
+    if seal.squares(unit) < 1.0:
         yield (
             f"seal.width {seal.width} is larger than seal.length {seal.length}: the length is along the seal line, the "
             "width along the flow"

@@ -11,10 +11,11 @@ import numpy as np
 from roughvol.gap import clusters, quick_estimates, transport
 from roughvol.gap.gas import conduction_of_gas
 from roughvol.gap.perimeter import contact_perimeter
-from roughvol.observables.regions import State, Values, View, window
+from roughvol.observables.regions import State, Values, View, is_period, window
 from roughvol.observables.requests import flow_accuracy
 from roughvol.observables.variables import AXES
 from roughvol.study import Case
+from roughvol.surfaces.psd import waves
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array, Index
 
@@ -64,10 +65,12 @@ def coordinates(case: Case, surface: Surface) -> Values:
     return {"coordinate": list(AXES)}
 
 
-def aspect(case: Case, surface: Surface) -> Values:
-    """Return the extent of the region along y over that along x."""
+def region(case: Case, surface: Surface) -> Values:
+    """Return the extent of the region along y over that along x, and the numbers of waves on its sides."""
     rows, columns = window(case, surface.shape)
-    return {"region_aspect": (columns.stop - columns.start) / (rows.stop - rows.start)}
+    aspect = (columns.stop - columns.start) / (rows.stop - rows.start)
+    part = Surface(surface.heights[rows, columns], surface.spacing, sides="periodic" if is_period(case) else "free")
+    return {"region_aspect": aspect, "region_waves": waves(part)}
 
 
 def perimeter(view: View) -> Values:

@@ -92,6 +92,18 @@ def octaves(surface: Surface) -> Array:
     return found
 
 
+def waves(surface: Surface) -> Array:
+    """Return the mean number of waves on the sides along x and along y, weighted by their variance; NaN if flat."""
+    power, conjugates = _powers(surface)
+    shares, (along_x, along_y) = power * conjugates, surface.intervals
+    numbers = (
+        shares.sum(axis=1) @ np.abs(np.fft.fftfreq(surface.shape[0], 1.0 / along_x)),
+        shares.sum(axis=0) @ np.fft.rfftfreq(surface.shape[1], 1.0 / along_y),
+    )
+    with np.errstate(invalid="ignore"):
+        return np.array(numbers) / shares.sum()
+
+
 def _rings(wave: Array, side: float) -> Index:
     """Return the ring k of each wave, k - ½ ≤ q L/(2π) < k + ½; halves are waves of a period of two sides."""
     ring: Index = np.floor(wave * side + 0.5 + ROUNDING).astype(np.intp)

@@ -15,6 +15,7 @@ from roughvol.analysis.leak_card import Card, SealLeak
 from roughvol.analysis.leak_curve import ENDLESS, curves
 from roughvol.analysis.stored_run import Run
 from roughvol.campaign import card as card_runs
+from roughvol.campaign.interpretation import doubts
 from roughvol.errors import StudyError
 from roughvol.gap import sheet
 from roughvol.gap.network import harmonic
@@ -152,21 +153,48 @@ def test_a_roll_off_is_found_where_there_is_one() -> None:
         return Surface(power_law_surface(spectrum, 0.8, 256, seed=seed).heights[:129, :129], 1.0)
 
     rolled = [window(Spectrum(rolloff=16.0, cut=64.0), seed) for seed in range(5)]
-    assert all(seal.is_representative([one]) for one in rolled)
+    assert all(seal.has_roll_off([one]) for one in rolled)
     fractal = [random_midpoint_displacement(2.2, 7, seed=k) for k in range(9)]
-    assert not any(seal.is_representative(fractal[k : k + 3]) for k in (0, 3, 6))
+    assert not any(seal.has_roll_off(fractal[k : k + 3]) for k in (0, 3, 6))
     grooves = [window(Spectrum(rolloff=8.0, cut=64.0, anisotropy=4.0), seed) for seed in range(9)]
-    assert not any(seal.is_representative(grooves[k : k + 3]) for k in (0, 3, 6))  # long waves along one axis
+    assert not any(seal.has_roll_off(grooves[k : k + 3]) for k in (0, 3, 6))  # long waves along one axis
 
 
 def test_a_strip_or_a_region_of_few_waves_is_not_representative() -> None:
     z = power_law_surface(Spectrum(rolloff=8.0, cut=32.0), 0.8, 128, seed=0).heights
     strip = z[:, :17]  # a wave along y
-    assert seal.is_representative([Surface(z, 1.0)])
-    assert not any(seal.is_representative([Surface(part, 1.0)]) for part in (strip, strip.T))
+    assert seal.has_roll_off([Surface(z, 1.0)])
+    assert not any(seal.has_roll_off([Surface(part, 1.0)]) for part in (strip, strip.T))
     run = Dataset({"heights": (("x", "y"), z)}, coords={"L": 128.0})
-    assert seal.is_representative([seal.surface_of(run, None)])
-    assert not seal.is_representative([seal.surface_of(run, Region(x=(0.4, 0.6), y=(0.4, 0.6)))])
+    assert seal.has_roll_off([seal.surface_of(run, None)])
+    assert not seal.has_roll_off([seal.surface_of(run, Region(x=(0.4, 0.6), y=(0.4, 0.6)))])
+
+
+def test_patches_of_a_seal_hold_as_many_waves_along_both_sides() -> None:
+    """Grooves are known by their waves, and so is a strip of a map that is alike along x and y."""
+    for anisotropy, shape, words in (
+        (1.0, (129, 129), ""),
+        (3.0, (129, 129), "times as many waves along y as along x"),
+        (3.0, (129, 43), ""),
+        (1.0, (129, 65), "times as many waves along x as along y"),
+    ):
+        spectrum = Spectrum(rolloff=32.0, cut=64.0, anisotropy=anisotropy)
+        maps = [power_law_surface(spectrum, 0.8, 256, seed=k).heights[: shape[0], : shape[1]] for k in range(3)]
+        doubt = seal.doubt_of([Surface(z, 1.0) for z in maps])
+        assert words in doubt
+        assert bool(words) == bool(doubt)
+
+
+def test_check_run_and_card_say_that_patches_are_uneven_and_a_region_that_is_even_has_no_such_doubt() -> None:
+    text = TEXT.replace("{H: 0.8, n: 32, rolloff: 4, cut: 8,", "{H: 0.8, n: 64, rolloff: 16, cut: 20, anisotropy: 3,")
+    text = text.replace("seeds: 3", "seeds: 1").replace(SWEEP, PRESSED)
+    even = text.replace("record:", "record:\n  region: {y: [0.33, 0.67]}")
+    (card,) = roughvol.card(loads(text), "pressure=0.02 MPa", jobs=1).cards.values()
+    assert card.seal is not None
+    assert "times as many waves along y as along x" in " ".join(card.seal.words)
+    for is_even, study in enumerate((loads(text), loads(even))):
+        for told in (doubts(study), [roughvol.run(study, jobs=1).attrs["warnings"]]):
+            assert any("times as many waves" in line for line in told) != is_even
 
 
 # a known seal
@@ -356,7 +384,7 @@ def test_the_same_seal_of_patches_in_another_direction(tmp_path: Path) -> None:
 def test_a_seal_whose_median_patch_is_closed_says_that_its_errors_are_not_known() -> None:
     patch = seal.Patch(loads(TEXT).seal, (1.0, 1.0), "mm", 1.0)
     maps = np.array([[0.0, 1.0], [0.0, 2.0], [1.0, 3.0]])
-    leak, _, words = seal.leak_of(patch, maps, None, isotropic=True, representative=True, shared=())
+    leak, _, words = seal.leak_of(patch, maps, None, isotropic=True, doubt="", shared=())
     assert leak.value > 0.0
     assert math.isnan(leak.high)
     assert words[-2:] == (

@@ -2,6 +2,7 @@
 
     python -m tests.bench.seals --joints 30 --kept runs/seals.jsonl
     python -m tests.bench.seals --joints 10 --closings --kept runs/seals-closing.jsonl
+    python -m tests.bench.seals --joints 30 --oblong --kept runs/seals-oblong.jsonl
     python -m tests.bench.seals --roll-off
     python -m tests.bench.seals --known
     python -m tests.bench.seals --long
@@ -9,6 +10,8 @@
 
 A joint of 512² elements is the truth: the flow through one period along x or y. Three windows of 129² elements of it,
 levelled and mirrored at their sides, are the scans, pressed to the same nominal pressure. The seal is 4 × 4 patches.
+With `--oblong` joints of 1024² elements have roll-offs of 3 : 1. The middle third of a window holds as many waves along
+y as along x, and is observed. Whole windows are compared.
 Printed are the ratio of its leak to that of the joint, and how often the joint lies in the interval. Solved joints are
 kept in a file, a line each, and not solved again.
 """
@@ -17,6 +20,7 @@ import argparse
 import json
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,18 +38,26 @@ from roughvol.surfaces import Spectrum, Surface, power_law_surface, random_midpo
 from roughvol.surfaces.treatment import level
 
 NODES, WINDOW, SCANS = 512, 129, 3
-CUT = NODES / 4.0  # shortest wave: four elements
 LOADS = (0.15, 0.33)  # A* of the joint
 RTOL = 1e-5
 
 
 class Kind(NamedTuple):
-    """A kind of joint: Hurst exponent, L/λ_r, ratio of the roll-offs along y and x, and hardness over E* Sq/L."""
+    """A kind of joint: Hurst exponent, L/λ_r, ratio of the roll-offs along y and x, hardness over E* Sq/L, elements.
+
+    Of as many strips of a window along y the middle one is observed.
+    """
 
     H: float
     rolloff: float
     anisotropy: float = 1.0
     hardness: float | None = None
+    nodes: int = NODES
+    strips: int = 1
+
+    def observed(self, field: np.ndarray) -> np.ndarray:
+        """Return the part of the field of a window that is observed."""
+        return np.ascontiguousarray(np.array_split(field, self.strips, axis=1)[self.strips // 2])
 
 
 KINDS = (
@@ -60,22 +72,25 @@ KINDS = (
     Kind(0.6, 32, 3.0),
     Kind(0.8, 16, 1.0, 150.0),
 )
+OBLONG = Kind(0.8, 64, 3.0, None, 1024, 3), Kind(0.6, 64, 3.0, None, 1024, 3)
 
 
 def joint_of(kind: Kind, seed: int) -> tuple[Surface, list[Surface]]:
     """Return a joint, and levelled windows of it at random places that do not overlap."""
-    spectrum = Spectrum(rolloff=kind.rolloff, cut=CUT, anisotropy=kind.anisotropy)
-    joint = power_law_surface(spectrum, kind.H, NODES, seed=seed)
+    spectrum = Spectrum(rolloff=kind.rolloff, cut=kind.nodes / 4.0, anisotropy=kind.anisotropy)  # four elements
+    joint = power_law_surface(spectrum, kind.H, kind.nodes, seed=seed)
     rng = np.random.default_rng(seed)
-    z = np.roll(joint.heights, rng.integers(NODES, size=2), axis=(0, 1))
+    z = np.roll(joint.heights, rng.integers(kind.nodes, size=2), axis=(0, 1))
     places = rng.choice(9, SCANS, replace=False)
     return joint, [scan_of(cut_of(z, place), joint.spacing) for place in places]
 
 
 def cut_of(field: np.ndarray, place: int) -> np.ndarray:
     """Return one of nine windows of a field."""
-    row, column = (170 * int(k) for k in divmod(place, 3))
-    return np.ascontiguousarray(field[row : row + WINDOW, column : column + WINDOW])
+    nodes = len(field)
+    row, column = (nodes // 3 * int(k) for k in divmod(place, 3))
+    side = nodes // 4 + 1
+    return np.ascontiguousarray(field[row : row + side, column : column + side])
 
 
 def scan_of(heights: np.ndarray, spacing: float, levelling: str = "tilt") -> Surface:
@@ -113,11 +128,12 @@ def quadrants(gap: np.ndarray, unit: float) -> list[list[float]]:
     return [flows(np.ascontiguousarray(part), unit) for part in parts]
 
 
-def closing(surface: Surface, half_space: HalfSpace, axis: int) -> float:
-    """Return the nominal pressure over E* at which the last way along an axis closes."""
+def closing(surface: Surface, half_space: HalfSpace, axis: int, kind: Kind) -> float:
+    """Return the nominal pressure over E* at which the last way along an axis closes, of a window the observed one."""
 
     def closed(contact: Contact) -> bool:
-        return not percolates(contact.gap() > 0.0, axis, periodic=surface.periodic)
+        gap = contact.gap() if surface.periodic else kind.observed(contact.gap())
+        return not percolates(gap > 0.0, axis, periodic=surface.periodic)
 
     there = first_indentation(surface, half_space, closed, accuracy=1e-3, rtol=RTOL)
     return solve(surface, half_space, there, rtol=RTOL).mean_pressure * surface.Sq / surface.side
@@ -139,26 +155,28 @@ def solved(kind: Kind, seed: int, *, closings: bool) -> dict[str, Any]:
         if kind.hardness is not None:
             contact = pressed(joint, spaces[0], pressure, hard[0])
         there_too = [pressed(one, spaces[1], pressure, h) for one, h in zip(scans, hard[1:], strict=True)]
+        gaps = [(c.gap(), s.Sq) for c, s in zip(there_too, scans, strict=True)]
         states.append(
             {
                 "pressure": pressure,
                 "joint": flows(contact.gap(), joint.Sq, periodic=True),
-                "scans": [flows(c.gap(), s.Sq) for c, s in zip(there_too, scans, strict=True)],
-                "quadrants": [quadrants(c.gap(), s.Sq) for c, s in zip(there_too, scans, strict=True)],
+                "scans": [flows(kind.observed(gap), unit) for gap, unit in gaps],
+                "quadrants": [quadrants(kind.observed(gap), unit) for gap, unit in gaps],
+                "whole": [flows(gap, unit) for gap, unit in gaps] if kind.strips > 1 else [],
             }
         )
     loads: list[list[float]] = [[]]
     if closings and kind.hardness is None:
-        loads = [[closing(one, spaces[k > 0], axis) for axis in (0, 1)] for k, one in enumerate([joint, *scans])]
+        loads = [[closing(one, spaces[k > 0], axis, kind) for axis in (0, 1)] for k, one in enumerate([joint, *scans])]
     return {"kind": list(kind), "seed": seed, "states": states, "joint": loads[0], "scans": loads[1:]}
 
 
-def kept(file: Path, joints: int, *, closings: bool) -> list[dict[str, Any]]:
+def kept(file: Path, joints: int, kinds: Sequence[Kind], *, closings: bool) -> list[dict[str, Any]]:
     """Return solved joints, those of a file first; a joint that is solved is added to the file."""
     lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
     found = [json.loads(line) for line in lines]
     for seed in range(len(found), joints):
-        found.append(solved(KINDS[seed % len(KINDS)], seed, closings=closings))
+        found.append(solved(kinds[seed % len(kinds)], seed, closings=closings))
         with file.open("a", encoding="utf-8") as stream:
             stream.write(json.dumps(found[-1]) + "\n")
     return found[:joints]
@@ -182,22 +200,26 @@ class Trial(NamedTuple):
 def trials(row: dict[str, Any]) -> Iterator[tuple[str, Trial]]:
     """Yield the trials of a solved joint along x and y: leaks of three scans, of the first scan, and closing loads."""
     kind = Kind(*row["kind"])
-    scans = joint_of(kind, row["seed"])[1]
-    known, known_alone = seal.is_representative(scans), seal.is_representative(scans[:1])
+    scans = [replace(scan, heights=kind.observed(scan.heights)) for scan in joint_of(kind, row["seed"])[1]]
+    known, known_alone = not seal.doubt_of(scans), not seal.doubt_of(scans[:1])
     of_scans = np.array([state["scans"] for state in row["states"]])
     isotropic = seal.is_isotropic(list(of_scans.swapaxes(0, 1)))
     for load, state in enumerate(row["states"]):
         for axis, turn in ((0, 1), (1, -1)):
+            patches = (4, 4 * kind.strips)[::turn]
             values, quarters = np.array(state["scans"])[:, ::turn], np.array(state["quadrants"])[0, :, ::turn]
             truth = state["joint"][axis]
-            found = seal.conductance_of(values[:, np.newaxis], (4, 4), isotropic=isotropic)
+            found = seal.conductance_of(values[:, np.newaxis], patches, isotropic=isotropic)
             yield "three scans", Trial(kind, load, truth, found, known)
             alike = seal.is_isotropic(list(quarters[:, np.newaxis]))
-            alone = seal.of_one_map(values[0], quarters, (4, 4), isotropic=alike)
+            alone = seal.of_one_map(values[0], quarters, patches, isotropic=alike)
             yield "one scan", Trial(kind, load, truth, alone, known_alone)
+            if whole := state.get("whole"):
+                found = seal.conductance_of(np.array(whole)[:, np.newaxis, ::turn], (4, 4), isotropic=isotropic)
+                yield "three scans, observed whole", Trial(kind, load, truth, found, known)
     for axis, turn in ((0, 1), (1, -1)) if row["joint"] else ():
         loads = np.array(row["scans"])[:, np.newaxis, ::turn]
-        found = seal.closing_of(loads, (4, 4), isotropic=isotropic)
+        found = seal.closing_of(loads, (4, 4 * kind.strips)[::turn], isotropic=isotropic)
         yield "closing load", Trial(kind, 0, row["joint"][axis], found, known)
 
 
@@ -223,12 +245,9 @@ def report(joints: list[dict[str, Any]]) -> None:
         some = [trial for name, trial in every if name == sort]
         for load in sorted({one.load for one in some}):
             print(line(f"load {load + 1}", [one for one in some if one.load == load]))
-        for kind in KINDS:
-            print(
-                line(
-                    ", ".join(f"{value:g}" for value in kind if value is not None), [t for t in some if t.kind == kind]
-                )
-            )
+        for kind in dict.fromkeys(one.kind for one in some):
+            name = ", ".join(f"{value:g}" for value in kind if value is not None)
+            print(line(name, [one for one in some if one.kind == kind]))
         print(line("all", some))
 
 
@@ -281,10 +300,8 @@ def roll_offs(triples: int = 40) -> None:
 
 
 def _share(maps: list[Surface]) -> str:
-    triples = [seal.is_representative(maps[k : k + 3]) for k in range(0, len(maps), 3)]
-    return (
-        f"{sum(triples)} of {len(triples)} triples, {sum(seal.is_representative([one]) for one in maps)} of {len(maps)}"
-    )
+    triples = [seal.has_roll_off(maps[k : k + 3]) for k in range(0, len(maps), 3)]
+    return f"{sum(triples)} of {len(triples)} triples, {sum(seal.has_roll_off([one]) for one in maps)} of {len(maps)}"
 
 
 def known(seals: int = 20) -> None:
@@ -328,12 +345,12 @@ def main() -> None:
     parser.add_argument("--joints", type=int, default=0)
     parser.add_argument("--kept", type=Path, default=Path("runs/seals.jsonl"))
     parser.add_argument("--closings", action="store_true")
-    for name in ("roll-off", "known", "long", "windows"):
+    for name in ("oblong", "roll-off", "known", "long", "windows"):
         parser.add_argument(f"--{name}", action="store_true")
     args = parser.parse_args()
     if args.joints:
         args.kept.parent.mkdir(parents=True, exist_ok=True)
-        rows = kept(args.kept, args.joints, closings=args.closings)
+        rows = kept(args.kept, args.joints, OBLONG if args.oblong else KINDS, closings=args.closings)
         (windows if args.windows else report)(rows)
     for wanted, function in ((args.roll_off, roll_offs), (args.known, known), (args.long, long)):
         if wanted:

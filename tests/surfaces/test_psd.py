@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from roughvol.surfaces.psd import spectral
+from roughvol.surfaces.psd import spectral, waves
 from roughvol.surfaces.spectrum import Spectrum
 from roughvol.surfaces.surface import Surface
 from roughvol.surfaces.waves import power_law_surface
@@ -22,6 +22,13 @@ def test_a_single_wave_has_its_power_in_its_ring():
     assert np.flatnonzero(found.psd > 1e-12).tolist() == [3]
     assert (found.rms_height_below > 1.0).tolist() == [False] * 3 + [True] * 13
     np.testing.assert_allclose(found.rms_slope_below[3:], found.rms_slope)
+
+
+def test_waves_are_counted_along_each_side_by_their_variance():
+    x, y = (2.0 * math.pi * np.arange(n) / n for n in (32, 45))
+    heights = np.cos(np.add.outer(3.0 * x, 5.0 * y)) + 2.0 * np.cos(np.add.outer(4.0 * x, 0.0 * y))
+    np.testing.assert_allclose(waves(Surface(heights, 0.5, sides="periodic")), [(3 + 4 * 4) / 5, 5 / 5])
+    assert np.isnan(waves(Surface(np.ones((4, 5)), 1.0))).all()
 
 
 @pytest.mark.parametrize("shape", [(15, 16), (16, 15), (9, 30), (8, 16)])

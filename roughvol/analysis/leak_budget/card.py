@@ -124,11 +124,9 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     maps = patch.conductances(leaks, in_units=units)
     quadrants = patch.conductances(_of_quadrants(fine[0]), in_units=units) if len(fine) == 1 else None
     shared = [part for part in flow.parts if part.name != "window"] if flow.leak.value > 0.0 else []
-    representative = seal.is_representative([seal.surface_of(surface.fields, patch.region) for surface in fine])
-    closing, of_load = _closing_of_seal(fine, patch, flow, isotropic=isotropic, representative=representative)
-    leak, parts, words = seal.leak_of(
-        patch, maps, quadrants, isotropic=isotropic, representative=representative, shared=shared
-    )
+    doubt = seal.doubt_of([seal.surface_of(surface.fields, patch.region) for surface in fine])
+    closing, of_load = _closing_of_seal(fine, patch, flow, isotropic=isotropic, doubt=doubt)
+    leak, parts, words = seal.leak_of(patch, maps, quadrants, isotropic=isotropic, doubt=doubt, shared=shared)
     gas_leak, gas_unit = math.nan, fine[0].unit(name := f"gas_{FLOW}")
     if name in fine[0].table:
         gases = np.array([[surface.leak(axis, name) for axis in AXES] for surface in fine])
@@ -136,7 +134,7 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
         gas = fine[0].table[name].attrs.get("gas", "the gas")
         throughput = f"{number(gas_leak, 3)} {gas_unit}"
         words += (f"leak of {gas}: {throughput}, the median of as many sheets; the interval is that of the liquid",)
-    if leak.value == 0.0 and representative:  # at most the leak of patches that close later
+    if leak.value == 0.0 and not doubt:  # at most the leak of patches that close later
         most = patch.conductances(np.array([[way.at_most for way in ways]]), in_units=units)[0, 0] * patch.squares
         leak, parts = seal.Estimate(0.0, 0.0 if math.isfinite(most) else math.nan, most), flow.parts
     return SealLeak(
@@ -158,7 +156,7 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
 
 
 def _closing_of_seal(
-    fine: Sequence[Loaded], patch: Patch, flow: Way, *, isotropic: bool, representative: bool
+    fine: Sequence[Loaded], patch: Patch, flow: Way, *, isotropic: bool, doubt: str
 ) -> tuple[seal.Estimate, tuple[Part, ...]]:
     """Return the closing load of a seal and the parts of its error; NaN under fluid pressure, or if a way is open."""
     loads = np.array([[[surface.closing[axis].value for axis in patch.axes]] for surface in fine])
@@ -175,7 +173,7 @@ def _closing_of_seal(
         parts += (seal.window_of(closing, f"{len(fine)} surfaces"),)
     else:
         closing = seal.Estimate(*[closing.value] * 3)
-    return closing.with_factor(larger if representative else math.nan, smaller), parts
+    return closing.with_factor(math.nan if doubt else larger, smaller), parts
 
 
 def _of_quadrants(surface: Loaded) -> Array:

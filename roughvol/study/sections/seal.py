@@ -18,6 +18,7 @@ from roughvol.study.sections.strict import Strict, default
 from roughvol.study.values.units import Length, in_unit, unit_of
 
 WHOLE = 0.02  # of a patch: a seal shorter by no more is as long as the patch
+EVEN = 1.5  # most waves on one side of a patch over those on the other
 
 
 class Seal(Strict):
@@ -57,6 +58,22 @@ class Seal(Strict):
                 patch = f"{number_text(float(f'{side:.4g}'))} {unit or ''}".strip()
                 allowed = f"at least as much, or record.region as long along {axis} as the seal"
                 yield key, f"is {given}, and a patch is {patch} long along {axis}; allowed: {allowed}"
+
+
+def unevenness(waves: Sequence[float]) -> str:
+    """Return in words that patches hold more waves along one side than along the other; empty where they do not.
+
+    ``waves`` are mean numbers along x and y. A patch that is shorter than wide, counted in waves, has many ways beside
+    each other and closes late. docs/explanation/notes/seal.md has how far seals of such patches are off.
+    """
+    (few, short), (many, wide) = sorted(zip(waves, "xy", strict=True))
+    if not many > EVEN * few:
+        return ""
+    return (
+        f"a patch holds {many / few:.2g} times as many waves along {wide} as along {short}: near closing a seal of "
+        f"such patches leaks too much along {short} and too little along {wide}; observe {few / many:.2g} of the patch "
+        f"along {wide} (record.region)"
+    )
 
 
 def check_alike(sizes: Sequence[Sequence[int]]) -> None:
