@@ -26,8 +26,8 @@ from roughvol.study.sections.strict import names
 from roughvol.study.sections.surface import FEWEST, SPECTRAL, GeneratedSurface, SpectralSurface
 from roughvol.study.sections.sweep import Legs, Sweep
 from roughvol.study.validation import Problems, Rule
-from roughvol.study.values.state_kinds import LOAD_OF_REGION, STATE_KINDS, Level
-from roughvol.study.values.units import Quantity, in_unit, unit_of
+from roughvol.study.values.state_kinds import LOAD_OF_REGION, STATE_KINDS, Level, slack
+from roughvol.study.values.units import ROUNDING, Quantity, in_unit, unit_of
 from roughvol.surfaces.length_units import METRES
 
 MAX_CASES = 100_000  # cases of a study
@@ -154,7 +154,7 @@ def _cases(study: StudyFile) -> Problems:
 
 @_rule()
 def _duplicates(study: StudyFile) -> Problems:
-    numbers: list[tuple[KeyPath, Any]] = [(path, level.value) for path, level in _levels(study)]
+    numbers: list[tuple[KeyPath, float]] = []
     for name, values in study.surface:
         numbers += _numbers(("surface", name), values) if name in LISTS_OF_NUMBERS else ()
     for path in map(_path, ("record.box_counting.thresholds", "record.region_widths.shares")):
@@ -163,8 +163,7 @@ def _duplicates(study: StudyFile) -> Problems:
     for path, number in numbers:
         if (path[:-1], number) in seen:
             yield path, f"duplicate value {number_text(number)}"
-        if unit_of(number) is None:
-            seen.add((path[:-1], number))
+        seen.add((path[:-1], number))
 
 
 @_rule()
@@ -443,12 +442,12 @@ def _contact(study: StudyFile) -> Problems:
 
 
 def _not_reached(path: KeyPath, level: Level, ends: list[Level]) -> Problems:
-    """Yield a level beyond the ends of all legs in the same quantity; with a unit, that of a mean."""
+    """Yield a level beyond the ends of all legs in the same quantity."""
     plain = unit_of(level.value) is None
     values = [end.value for end in ends if end.kind == level.kind and (unit_of(end.value) is None) == plain]
-    if len(values) < len(ends) or not (plain or path[0] == "ensemble"):  # a leg ends at another quantity
+    if len(values) < len(ends):  # a leg ends at another quantity
         return
     sign = -1 if level.kind in STATE_KINDS and STATE_KINDS[level.kind].falls else 1
     last = max((value for value in values if value is not None), key=lambda value: sign * value)
-    if sign * (in_unit(level.value or 0.0, unit_of(last)) - last) > 1e-9 * max(float(plain), abs(last)):
+    if sign * (in_unit(level.value or 0.0, unit_of(last)) - last) > slack(level.kind, last, ROUNDING):
         yield path, f"{level.written} is not reached: the sweep ends at {level.kind} {Level(level.kind, last).written}"

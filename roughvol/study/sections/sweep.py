@@ -42,11 +42,11 @@ class Levels(Choice):
     @field_validator("*")
     @classmethod
     def _once(cls, values: tuple[float, ...]) -> tuple[float, ...]:
-        """Take a state with a unit once, as 0.5 MPa beside 500 kPa."""
+        """Take a state once, as 0.5 MPa beside 500 kPa."""
         unit = next(filter(None, map(unit_of, values)), None)
-        found: dict[int | str, float] = {}
-        for k, value in enumerate(values):
-            found.setdefault(k if unit_of(value) is None else f"{in_unit(value, unit):.12g}", value)
+        found: dict[float | str, float] = {}
+        for value in values:
+            found.setdefault(value if unit_of(value) is None else f"{in_unit(value, unit):.12g}", value)
         return tuple(found.values())
 
     @model_serializer(mode="wrap")
