@@ -610,8 +610,7 @@ def compare(runs: Sequence[Dataset | StoredRun | str | Path], at: Loads = (), *,
     parts = [(file, part.name) for file, run in zip(files, stored, strict=True) for part in run.parts]
     if len(parts) < 2:
         raise DatasetError("compare takes two runs or more; one is shown by: roughvol show RUN")
-    if twice := next((name for file, name in parts if file.exists() and parts.count((file, name)) > 1), ""):
-        raise DatasetError(f"compare takes each run once, given {twice} twice")
+    stored_run.check_once("compare", parts)
     return screen.compared(stored, levels(at))
 
 

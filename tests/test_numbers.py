@@ -78,6 +78,7 @@ def test_a_load_acts_on_the_whole_period(here: Path) -> None:
         (["compare", "dry", "wet", "--at", "pressure=9MPa"], "has no state at"),
         (["ls", "nowhere"], "no folder nowhere"),
         (["ls", "dyr"], "no folder dyr; the state of a run: roughvol status dry"),
+        (["plot", "wet", "dry", "runs/dry", "v_of_p"], "plot takes each run once, given dry twice"),
         (["plot", "dry", "v_of_q"], "did you mean 'v_of_p'"),
         (["plot", "dry", "v_of_p", "--size", "big"], "allowed: WxH"),
     ],

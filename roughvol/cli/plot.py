@@ -62,7 +62,7 @@ def plot(
     from roughvol import plotting
     from roughvol.report.figures import content
     from roughvol.store import StoredRun
-    from roughvol.store.run import is_run, names_of
+    from roughvol.store.run import check_once, is_run, names_of
 
     inches = _inches(size)
     wanted = [name for name in names if name in plotting.NAMES and not Path(name).exists()]
@@ -72,6 +72,7 @@ def plot(
     opened = [StoredRun.open(name, changes) for name in others] or [StoredRun.open(None, changes)]
     alone = len(opened) == 1
     titles = names_of([run.file for run in opened])
+    check_once("plot", [(run.file, title) for run, title in zip(opened, titles, strict=True)])
     runs = content.parts([(title, run.dataset) for title, run in zip(titles, opened, strict=True)])
     plotting.check_known(wanted, runs)
     drawings, refused = plotting.drawings(runs, wanted, alone=alone)

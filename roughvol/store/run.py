@@ -316,6 +316,12 @@ def names_of(files: Sequence[Path]) -> list[str]:
     return names
 
 
+def check_once(command: str, parts: Sequence[tuple[Path, str]]) -> None:
+    """Refuse a part of a run, by its file and its name, that a command takes twice."""
+    if twice := next((name for file, name in parts if file.exists() and parts.count((file, name)) > 1), ""):
+        raise DatasetError(f"{command} takes each run once, given {twice} twice")
+
+
 def _whole(file: Path) -> Path:
     """Return the path of a run: the folder of a ``study.nc``, another dataset without its suffix."""
     return file.resolve().parent if file.name == RESULTS else file.resolve().with_suffix("")

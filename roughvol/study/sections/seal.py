@@ -19,6 +19,7 @@ from roughvol.study.values.units import Length, in_unit, unit_of
 
 WHOLE = 0.02  # of a patch: a seal shorter by no more is as long as the patch
 EVEN = 1.5  # most waves on one side of a patch over those on the other
+IN_A_ROW = 10**6  # most patches along the flow: from 17 on, every factor 16 doubles the work at least
 
 
 class Seal(Strict):
@@ -43,7 +44,7 @@ class Seal(Strict):
         return float(in_unit(self.length, unit)) / float(in_unit(self.width, unit))
 
     def check(self, sides: tuple[float, float], unit: str | None) -> None:
-        """Refuse a seal that is smaller than its patches, or has a unit where they have none."""
+        """Refuse a seal that is smaller than its patches or far wider, or has a unit where they have none."""
         if problems := [Problem(message, f"seal.{key}") for key, message in self.problems(sides, unit)]:
             raise StudyError(problems)
 
@@ -51,13 +52,14 @@ class Seal(Strict):
         """Yield each key that `check` refuses, with a message."""
         at = "xy".index(self.flow)
         for key, axis, side in (("width", "xy"[at], sides[at]), ("length", "yx"[at], sides[1 - at])):
-            given = getattr(self, key)
+            given, patch = getattr(self, key), f"{number_text(float(f'{side:.4g}'))} {unit or ''}".strip()
             if unit is None and unit_of(given):
                 yield key, f"has a unit ({given}) and L has none: give L with its unit, as L: 100 um"
             elif in_unit(given, unit) < (1.0 - WHOLE) * side:
-                patch = f"{number_text(float(f'{side:.4g}'))} {unit or ''}".strip()
                 allowed = f"at least as much, or record.region as long along {axis} as the seal"
                 yield key, f"is {given}, and a patch is {patch} long along {axis}; allowed: {allowed}"
+            elif key == "width" and in_unit(given, unit) > IN_A_ROW * side:
+                yield key, f"is {given}; allowed: at most {IN_A_ROW} patches of {patch} in a row"
 
 
 def unevenness(waves: Sequence[float]) -> str:
