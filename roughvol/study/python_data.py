@@ -93,11 +93,12 @@ def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
     is_decimal = hasattr(number, "as_integer_ratio") and not isinstance(number, type)  # a decimal is no Real
     if isinstance(number, numbers.Real) or is_decimal:
         nearest = math.inf
+        given: object = "a number beyond 1.8e308"
         with contextlib.suppress(OverflowError):  # a whole number, or a fraction, beyond all floats
-            nearest = float(number)
+            given = nearest = float(number)
         if math.isfinite(nearest):
             return int(number) if isinstance(number, numbers.Integral) else nearest
-        problems[path] = f"must be a finite number, given {nearest}"
+        problems[path] = f"must be a finite number, given {given}"
         return None
     if isinstance(number, os.PathLike) and isinstance(text := os.fspath(number), str):
         return text
