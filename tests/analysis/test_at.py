@@ -260,6 +260,18 @@ def test_a_state_recorded_on_a_later_leg_is_the_state_solved_for_it(tmp_path: Pa
         assert_allclose(found.transmissivity, ds.flux_at_transmissivity.isel(flux_at=0), rtol=1e-12)
 
 
+def test_a_state_recorded_on_the_first_leg_is_none_of_a_later_leg(tmp_path: Path) -> None:
+    """The surfaces have yielded and leak more at the load on leg 2. A leak of a lifted gap is not read off."""
+    legs = "[{steps: 2, to: {pressure: 0.05 MPa}}, {steps: 2, to: {pressure: 0.01 MPa}}]"
+    text = SEAL.replace("10 MPa}", "10 MPa, hardness: 1 MPa}")
+    flux = text.replace("sivity: every-step", "sivity: every-step, flux_at: {pressure: 0.035 MPa}")
+    made = (_made(one, tmp_path / str(k), legs) for k, one in enumerate((flux, text)))
+    found, read_off = (ds.roughvol.at("pressure=0.035 MPa, leg 2").leak_rate for ds in made)
+    assert_allclose(found, read_off, rtol=1e-12)
+    lifted = LIFT.replace("{steps: 4, to: {pressure: 0.05 MPa}}", legs).replace("0.03 MPa", "0.035 MPa")
+    assert _made(lifted, tmp_path / "lift").roughvol.at("pressure=0.035 MPa, leg 2").leak_rate.isnull().all()
+
+
 @pytest.mark.parametrize("region", ["{x: [0, 1]}", "{x: [0, 0.5]}"])
 def test_the_yield_of_a_recorded_state_is_that_of_a_leg_that_ends_there(region: str, tmp_path: Path) -> None:
     text = (

@@ -14,6 +14,7 @@ from roughvol.analysis import read_off, seal
 from roughvol.analysis.leak_card import Card, SealLeak
 from roughvol.analysis.leak_curve import ENDLESS, curves
 from roughvol.analysis.stored_run import Run
+from roughvol.analysis.tables import number
 from roughvol.campaign import card as card_runs
 from roughvol.campaign.interpretation import doubts
 from roughvol.errors import StudyError
@@ -258,6 +259,8 @@ def test_the_card_of_a_seal(cards: Cards) -> None:
     assert {part.name for part in found.parts} >= {"solver", "grid", "window"}
     assert card_text.seal(card.seal).startswith("of 12 mm by 2 mm leaks ")
     assert f"tight above {plain['tight_above']:.2g}" in card_text.seal(card.seal)
+    error, closes = card_page.table_of(cards.pages).rows[0][-2:]
+    assert (error, closes) == (card_text.factor(found.factor, found.smaller), f"{number(found.closing)} MPa")
 
 
 def test_the_seal_of_a_run_at_a_load_leaks_as_on_its_card(cards: Cards) -> None:

@@ -148,6 +148,12 @@ def test_refused(law, path, outlet):
         conduction_of_gas(np.ones((3, 3)), 0, law, path, outlet)
 
 
+def test_a_share_of_the_drop_beyond_its_ends_is_the_pressure_at_the_end():
+    """The linear problem of a turn is solved to an accuracy, and viscous gas has no pressure for s < 0."""
+    pressures = gas._pressures(gas._law("viscous", 1e-9), np.array([-1e-6, 1.0 + 1e-6]), 0.0, 0.5)
+    assert pressures.tolist() == [gas.VACUUM, 1.0]
+
+
 def test_the_shortest_mean_free_path_has_viscous_flow():
     assert_allclose(flow(GAP, 0, "kinetic", 5e-324, 0.5), flow(GAP, 0, "viscous", 0.0, 0.5), rtol=1e-6)
 

@@ -554,6 +554,10 @@ def test_a_stale_note_is_none_and_removed(study: Study, place: Path, monkeypatch
     with lock.opened(place):  # notes that make no sense
         for noted in ({"running": 5, "left": "x"}, {"running": [3, ["y"]]}, [1], None):
             note(noted)
+    assert not (place / "progress.json").exists()
+    note({"running": [study.cases()[0].id], "left": 5.0})
+    with lock.opened(place):  # of a run that was killed
+        assert not (place / "progress.json").exists()
     note({"running": [study.cases()[0].id], "left": 5.0})
     _refuse_work(monkeypatch)
     execution.run(study, out=place)
