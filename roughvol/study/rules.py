@@ -27,7 +27,7 @@ from roughvol.study.sections.surface import FEWEST, SPECTRAL, GeneratedSurface, 
 from roughvol.study.sections.sweep import Legs, Sweep
 from roughvol.study.validation import Problems, Rule
 from roughvol.study.values.state_kinds import LOAD_OF_REGION, STATE_KINDS, Level, slack
-from roughvol.study.values.units import ROUNDING, Quantity, in_unit, unit_of
+from roughvol.study.values.units import Quantity, in_unit, unit_of
 from roughvol.surfaces.length_units import METRES
 
 MAX_CASES = 100_000  # cases of a study
@@ -442,12 +442,15 @@ def _contact(study: StudyFile) -> Problems:
 
 
 def _not_reached(path: KeyPath, level: Level, ends: list[Level]) -> Problems:
-    """Yield a level beyond the ends of all legs in the same quantity."""
+    """Yield a level beyond the ends of all legs in the same quantity; with a unit, that of a mean.
+
+    A leak card may record a load with a unit beyond the end: a way that has closed before is closed there.
+    """
     plain = unit_of(level.value) is None
     values = [end.value for end in ends if end.kind == level.kind and (unit_of(end.value) is None) == plain]
-    if len(values) < len(ends):  # a leg ends at another quantity
+    if len(values) < len(ends) or not (plain or path[0] == "ensemble"):  # a leg ends at another quantity
         return
     sign = -1 if level.kind in STATE_KINDS and STATE_KINDS[level.kind].falls else 1
     last = max((value for value in values if value is not None), key=lambda value: sign * value)
-    if sign * (in_unit(level.value or 0.0, unit_of(last)) - last) > slack(level.kind, last, ROUNDING):
+    if sign * (in_unit(level.value or 0.0, unit_of(last)) - last) > slack(level.kind, last):
         yield path, f"{level.written} is not reached: the sweep ends at {level.kind} {Level(level.kind, last).written}"

@@ -40,5 +40,7 @@ def test_torr_has_its_symbol_of_vacuum_technology_too() -> None:
 
 def test_a_state_that_a_list_gives_twice_is_one_state() -> None:
     text = "surface: {D: 2.3, m: 4, L: 100 um}\nmaterial: {E: 1 GPa, nu: 0.5}\nsweep: {to: {pressure: 0.7 MPa}}\n"
-    record = loads(f"{text}record: {{fields_at: {{pressure: [0.5 MPa, 700 kPa, 500 kPa], step: [1, 2, 1]}}}}").record
-    assert [level.label for _, level in record.levels()] == ["step=1", "step=2", "pressure=0.5 MPa", "pressure=700 kPa"]
+    text += "ensemble: {accuracy: {free_volume: 1 %}, at: {pressure: [700 kPa, 0.7 MPa]}}\n"
+    study = loads(f"{text}record: {{fields_at: {{pressure: [0.5 MPa, 1 MPa, 500 kPa], step: [1, 2, 1]}}}}")
+    states = ["step=1", "step=2", "pressure=0.5 MPa", "pressure=1 MPa", "pressure=700 kPa"]
+    assert [level.label for _, level in (*study.record.levels(), *study.ensemble.states())] == states
