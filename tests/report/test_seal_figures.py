@@ -364,6 +364,14 @@ def test_the_map_of_a_period_marks_the_constriction_of_a_flow_across_its_sides()
     assert fig.get_size_inches()[0] < 5.0  # one map takes no page
 
 
+def test_the_map_of_a_region_lies_at_the_place_of_the_region() -> None:
+    text = "surface: {D: 2.2, m: 4, seeds: [0]}\nsweep: {steps: 3, to: {contact_area: 0.2}}\n"
+    flows = "{constriction: every-step, transmissivity: last, flux_at: last}"
+    region = run_case(loads(f"{text}record: {{region: interior, fields_at: last, transport: {flows}}}").cases()[0])
+    for image in FIGURES["seal_map"](region).axes[0].images:
+        assert_allclose(image.get_extent(), [0.25 - 1 / 32, 0.75 + 1 / 32] * 2)
+
+
 def test_the_map_of_a_closed_way_has_no_flow() -> None:
     text = "surface: {D: 2.2, m: 4, seeds: [0]}\nsweep: {steps: 3, to: percolation}\n"
     flows = "{constriction: every-step, transmissivity: last, flux_at: last}"

@@ -289,7 +289,8 @@ def seal_map(ds: Dataset) -> Drawing:
     for ax, label in zip(axes, labels, strict=True):
         state = recorded_state(case, "flux_at", case["flux_at"].values.tolist().index(label))
         flux = own(state["flux"])
-        x, y, half = flux["x"].values, flux["y"].values, flux["x"].values[1] / 2
+        x, y = flux["x"].values, flux["y"].values
+        half = (x[1] - x[0]) / 2
         whole = state["gap"].sel(field_at=label)
         gap = whole.sel(x=flux["x"], y=flux["y"]).transpose("x", "y").values
         periodic = "periodic" in ds.attrs and int(whole.notnull().sum()) == gap.size  # a region is no period
