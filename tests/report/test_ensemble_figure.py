@@ -51,6 +51,12 @@ def test_samples_and_costs_are_those_of_the_dataset(results: Dataset) -> None:
     np.testing.assert_allclose(plain.get_ydata() * plain.get_xdata() ** 0.5, 100 * 1.96 * (0.04 * 0.1) ** 0.5 / 1.5)
 
 
+def test_plain_monte_carlo_is_a_line_where_it_is_cheaper(results: Dataset) -> None:
+    cheap = results.isel(round=[0]).assign(ensemble_plain_cost=("D", [0.5, 0.5]))
+    plain = FIGURES["ensemble_cost"](cheap).axes[2].lines[1].get_xdata()
+    np.testing.assert_allclose(plain[[0, -1]], [0.5, 1.0])
+
+
 def test_the_legend_names_each_line_of_the_right_panel(results: Dataset) -> None:
     (legend,) = FIGURES["ensemble_cost"](results).legends
     texts = [text.get_text() for text in legend.get_texts()]

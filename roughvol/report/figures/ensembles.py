@@ -64,8 +64,8 @@ def _draw_intervals(ax: Any, of_D: Dataset, name: str, at: str, line: Any, look:
     cost = of_D["ensemble_round_cost"].values
     label = f"_$D = {float(of_D['D']):g}$"
     ax.plot(cost, percent * state[f"{name}_round_half_width"].values, ls=line, label=label, **look)
-    end = max(float(np.nanmax(cost)), float(of_D["ensemble_plain_cost"]))
-    plain_cost = np.geomspace(np.nanmin(cost), end, 9)
+    every = [*cost, float(of_D["ensemble_plain_cost"])]
+    plain_cost = np.geomspace(np.nanmin(every), np.nanmax(every), 9)
     plain: dict[str, Any] = {"ls": ":", "lw": 0.8, "color": look["color"], "label": f"{label}, plain Monte Carlo"}
     ax.plot(plain_cost, percent * _plain_half_width(state, name, plain_cost), **plain)
     ax.axhline(percent * float(state[f"{name}_accuracy_asked"]), lw=0.5, color=GREY, zorder=0)
