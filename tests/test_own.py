@@ -142,6 +142,10 @@ def test_numbers_and_arrays_are_stored_averaged_read_between_steps_and_drawn():
     assert (ds.largest_gap[..., -1] < there.squeeze()).all()
     figure = roughvol.plot(ds, "largest_gap_of_p")
     assert figure.axes[0].get_ylabel() == "Largest gap [µm]"
+    words = "95 % quantile of the gap of all open elements at a load"
+    figure = roughvol.plot(ds.assign(largest_gap=ds.largest_gap.assign_attrs(long_name=words)), "largest_gap_of_p")
+    figure.draw_without_rendering()
+    assert figure.axes[0].yaxis.label.get_window_extent().height < figure.bbox.height  # it is not cut off
 
 
 def test_a_new_version_computes_anew_and_an_absent_function_leaves_what_is_stored():

@@ -50,6 +50,7 @@ COLUMNS = ("panel", "curve", "D", "m", "seed", "case", "axis", "x", "y", "x_labe
 MANY = 6  # height files of a run that have a curve each; more are one family
 LINE = 0.19  # inches that each further line of a legend adds
 KEY = 6  # characters of the line beside a name of a legend
+TALL = 36  # characters of a label that fit beside the axes
 NAMES = tuple(f"{y}_of_{x}" for y, x in itertools.product(VARIABLES_OF, BELOW) if y != x)
 """Names of all figures by content."""
 IN_WORDS = f"Y_of_X as v_of_p, X of {', '.join(BELOW)}, Y of these or {', '.join(LOGARITHMIC)}"
@@ -260,7 +261,8 @@ def _unit(name: str, ds: Dataset) -> str:
 def _label(name: str, runs: Sequence[Named]) -> str:
     unit = _unit(name, runs[0].dataset)
     label = style.LABELS.get(name) or file_text(str(runs[0].dataset[name].attrs["long_name"]))
-    return label if unit == "1" else f"{label} [{style.unit_text(unit)}]"
+    words = label if unit == "1" else f"{label} [{style.unit_text(unit)}]"
+    return words if name in style.LABELS else textwrap.fill(words, TALL)
 
 
 def _families(runs: Sequence[Named], x: str, y: str) -> tuple[list[Family], str]:
@@ -296,7 +298,8 @@ def data(fig: style.Drawing) -> Iterator[Mapping[str, object]]:
                 label = f"line {unnamed}"
             names = dict.fromkeys(COLUMNS) | source | {"panel": panel}
             names["curve"] = style.plain(str(source.get("curve", label.lstrip("_")))).replace("\n", " ")
-            names |= {"x_label": style.plain(ax.get_xlabel()), "y_label": style.plain(ax.get_ylabel())}
+            x_label, y_label = (style.plain(label).replace("\n", " ") for label in (ax.get_xlabel(), ax.get_ylabel()))
+            names |= {"x_label": x_label, "y_label": y_label}
             xs, ys = (np.atleast_1d(np.asarray(part, dtype=float)) for part in line.get_data())
             if label == ways.SHUT:
                 ys = np.full(ys.shape, np.nan)  # the mark is on the edge of the axes, which is no leak
