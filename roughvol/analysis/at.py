@@ -211,8 +211,9 @@ def state_at(run: Run, group: Dataset, level: Level) -> State:
         return closed
     reach = reach or group["step"].values.astype(float).tolist()
     unit = f" {given}" if (given := unit_of(level.value)) else ""
+    kind = level.kind if unit or level.kind not in STARRED else f"{level.kind} {STARRED[level.kind].symbol} ="
     raise DatasetError(
-        f"{run.name} has no state at {level.label}: its steps have {level.kind} {number(min(reach))} to "
+        f"{run.name} has no state at {level.label}: its steps have {kind} {number(min(reach))} to "
         f"{number(max(reach))}{unit}"
     )
 

@@ -166,7 +166,7 @@ def test_surfaces_of_different_sq_have_the_median_of_their_leaks(tmp_path: Path)
     ("kind", "end", "words"),
     [
         ("pressure", "{pressure: 0.5}", "pressure=99: 99 is not reached: the sweep ends at pressure 0.5"),
-        ("indentation", "mean-plane", "the sweep has no state at indentation=99: its steps have indentation 0"),
+        ("indentation", "mean-plane", "the sweep has no state at indentation=99: its steps have indentation Δ/σ = 0"),
     ],
 )
 def test_a_load_that_no_surface_reaches_is_refused(kind: str, end: str, words: str, tmp_path: Path) -> None:
