@@ -44,40 +44,41 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     return roughvol.run(loads(STUDY), jobs=1, out=tmp_path_factory.mktemp("units") / "run")
 
 
-def test_the_unit_of_every_row_of_the_table_is_one_of_pint() -> None:
-    registry: pint.UnitRegistry[float] = pint.UnitRegistry()
+def test_the_unit_of_every_row_of_the_table_is_one_of_pint(units: pint.UnitRegistry[float]) -> None:
     for name, row in VARIABLES.items():
         text = row.units
         for kind, unit in OF_A_STUDY.items():
             text = text.replace(kind, unit)
-        assert registry.Quantity(1.0, text).magnitude == 1.0, name
+        assert units.Quantity(1.0, text).magnitude == 1.0, name
 
 
-def test_every_variable_is_a_quantity_with_the_values_that_are_stored(run: xr.Dataset) -> None:
+def test_every_variable_is_a_quantity_with_the_values_that_are_stored(
+    run: xr.Dataset, units: pint.UnitRegistry[float]
+) -> None:
     ds = run.roughvol.derived()
-    plain: pint.UnitRegistry[float] = pint.UnitRegistry()
     for name, variable in ds.variables.items():
         if variable.dtype.kind not in "fi":
             continue
-        found = ds.roughvol.quantity(name, registry=plain)
+        found = ds.roughvol.quantity(name, registry=units)
         if variable.attrs.get("units") != "sccm":  # in Pa m^3/s at the temperature of the gas
             np.testing.assert_array_equal(found.magnitude, variable.values)
-            assert found.units == plain.Quantity(1.0, variable.attrs.get("units", "1")).units
+            assert found.units == units.Quantity(1.0, variable.attrs.get("units", "1")).units
     leak = ds["leak_rate"].values * convert(1.0, "mm^3/s", "ml/min")
     np.testing.assert_allclose(ds.roughvol.quantity("leak_rate", "ml/min").magnitude, leak, rtol=1e-12)
 
 
-def test_a_throughput_is_at_the_temperature_of_the_gas_and_a_standard_volume_at_0_degrees(run: xr.Dataset) -> None:
-    plain: pint.UnitRegistry[float] = pint.UnitRegistry()
+def test_a_throughput_is_at_the_temperature_of_the_gas_and_a_standard_volume_at_0_degrees(
+    run: xr.Dataset, units: pint.UnitRegistry[float]
+) -> None:
     in_sccm = run["gas_leak_rate"].values
     at_0 = in_sccm * 101325e-6 / 60.0  # Pa m^3/s of a standard cm^3 per minute
     warm = at_0 * 293.15 / 273.15
     in_mbar = run.roughvol.in_units(gas_leak_rate="mbar*l/s")
     for ds in (run, in_mbar):
-        for unit in ("Pa*m^3/s", plain.Unit("mbar*l/s"), None):
-            found = ds.roughvol.quantity("gas_leak_rate", unit, plain)
+        for unit in ("Pa*m^3/s", units.Unit("mbar*l/s"), None):
+            found = ds.roughvol.quantity("gas_leak_rate", unit, units)
             np.testing.assert_allclose(found.to("Pa*m^3/s").magnitude, warm, rtol=1e-12)
-        np.testing.assert_allclose(ds.roughvol.quantity("gas_leak_rate", "slpm", plain).magnitude, 1e-3 * in_sccm)
+        np.testing.assert_allclose(ds.roughvol.quantity("gas_leak_rate", "slpm", units).magnitude, 1e-3 * in_sccm)
 
 
 def test_what_has_no_such_unit_is_refused_by_name(run: xr.Dataset) -> None:

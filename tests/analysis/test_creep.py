@@ -70,7 +70,7 @@ def test_the_forms_of_a_law(tmp_path: Path) -> None:
 
 
 def test_a_law_of_python_is_that_of_its_file_and_names_its_argument(tmp_path: Path) -> None:
-    minute = pint.UnitRegistry().Quantity(1.0, "min")
+    minute = pint.Quantity(1.0, "min")
     of_file = _law("power: {exponent: 0.2, time: 1 min}", tmp_path)
     assert load_creep({"power": {"exponent": 0.2, "time": minute}}) == of_file
     assert_allclose(read_times([1, "1 min", minute * 2]), [1, 60, 120])

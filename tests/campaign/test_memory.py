@@ -23,7 +23,7 @@ pytestmark = pytest.mark.usefixtures("here")
 PIXEL = 0.5
 MAP = 0.2 * random_midpoint_displacement(2.3, 4, seed=3).heights[:, :13]  # 17 nodes along x, 13 along y, in um
 X, Y = (PIXEL * np.arange(nodes) for nodes in MAP.shape)
-UNITS = pint.UnitRegistry()
+UNITS = pint.get_application_registry()
 MATERIAL = {"E": "10 MPa", "nu": 0.5}
 
 

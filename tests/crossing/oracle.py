@@ -14,6 +14,7 @@ Conventions, as the pages state them:
 - A surface whose sweep ended closed along an axis is closed at every higher load: flow 0, no other number.
 """
 
+import functools
 import itertools
 import math
 import re
@@ -43,7 +44,7 @@ LIFTED = ("leak_rate_x", "leak_rate_y", "open_x", "open_y")
 Numbers = dict[str, np.ndarray]
 
 
-@dataclass
+@dataclass(eq=False)
 class Surface:
     """One surface: its numbers along the steps, and its recorded states by dimension and label."""
 
@@ -178,6 +179,7 @@ def level(text: str) -> tuple[str, float, int | None]:
     return name, float(value) * (factors[unit] if unit else 1.0), int(leg) if leg else None
 
 
+@functools.cache  # several questions ask for one load
 def recorded(surface: Surface, text: str) -> dict[str, float] | None:
     """Return the numbers of a surface at a load: those of the recorded state where the study records the load."""
     numbers = at(surface, text)

@@ -85,7 +85,7 @@ class Refused(Exception):
     """The program refuses a question with a message."""
 
 
-_GROUPS: dict[tuple[Path, bytes, tuple[str, ...]], list[Group]] = {}  # each is read once
+_GROUPS: dict[tuple[Path, int, tuple[str, ...]], list[Group]] = {}  # each is read once
 
 
 @cache
@@ -128,7 +128,7 @@ class Made:
     @property
     def groups(self) -> list[Group]:
         """Its surfaces, as the oracle reads them."""
-        key = self.file, self.file.read_bytes(), self.kind.changes
+        key = self.file, self.file.stat().st_mtime_ns, self.kind.changes
         if key not in _GROUPS:
             _GROUPS[key] = oracle.groups(self.stored, self.modulus, self.kind.lists, self.kind.ends)
         return _GROUPS[key]
