@@ -29,11 +29,10 @@ def _public() -> Iterator[tuple[str, Callable[..., Any]]]:
 PUBLIC = dict(_public())
 
 
-@pytest.mark.parametrize("name", sorted(PUBLIC))
-def test_public_functions_document_parameters_and_results(name: str) -> None:
+def test_public_functions_document_parameters_and_results() -> None:
     validate = pytest.importorskip("numpydoc.validate", reason="needs roughvol[dev]")
-    errors = validate.validate(name)["errors"]
-    assert [text for code, text in errors if code in SECTIONS] == []
+    errors = [(name, *error) for name in PUBLIC for error in validate.validate(name)["errors"]]
+    assert [(name, text) for name, code, text in errors if code in SECTIONS] == []
 
 
 def _on_the_page() -> Iterator[tuple[str, Any]]:
@@ -49,15 +48,12 @@ def _on_the_page() -> Iterator[tuple[str, Any]]:
             yield f"ds.roughvol.{name}", method
 
 
-CALLED = dict(_on_the_page())
-
-
-@pytest.mark.parametrize("name", CALLED)
-def test_what_users_call_has_an_example_and_refers_to_its_neighbours(name: str) -> None:
+def test_what_users_call_has_an_example_and_refers_to_its_neighbours() -> None:
     """`tests/test_examples.py` runs the examples."""
-    text = inspect.getdoc(CALLED[name]) or ""
-    assert [section for section in ("Examples", "See Also") if f"\n{section}\n---" not in text] == []
-    assert text.count("\n>>> ") > 1
+    for name, thing in _on_the_page():
+        text = inspect.getdoc(thing) or ""
+        assert [section for section in ("Examples", "See Also") if f"\n{section}\n---" not in text] == [], name
+        assert text.count("\n>>> ") > 1, name
 
 
 def test_the_page_has_every_function_of_the_package() -> None:

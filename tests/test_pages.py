@@ -126,26 +126,27 @@ def test_the_readme_is_short_and_leads_to_each_group() -> None:
     assert groups == {"tutorials", "how-to", "reference", "explanation"}
 
 
-@pytest.mark.parametrize("page", PROSE)
-def test_links_of_a_page_lead_somewhere(page: str) -> None:
-    targets = re.findall(r"\]\(([^)\s#]+)", _text(page))
-    folder = (ROOT / page).parent
-    assert [name for name in targets if not name.startswith("https:") and not (folder / name).exists()] == []
+def _in_prose(pattern: str) -> set[tuple[str, str]]:
+    """Return the pages that have a pattern, each with its text."""
+    return {(page, found) for page in PROSE for found in re.findall(pattern, _text(page))}
 
 
-@pytest.mark.parametrize("page", PROSE)
-def test_modules_and_folders_that_a_page_names_exist(page: str) -> None:
+def test_links_of_pages_lead_somewhere() -> None:
+    links = {(page, link) for page, link in _in_prose(r"\]\(([^)\s#]+)") if not link.startswith("https:")}
+    assert [(page, link) for page, link in links if not ((ROOT / page).parent / link).exists()] == []
+
+
+def test_modules_and_folders_that_pages_name_exist() -> None:
     paths = [path for folder in ("roughvol", "tests") for path in (ROOT / folder).rglob("*")]
-    files = [path.relative_to(ROOT).as_posix() for path in paths]
-    named = re.findall(r"`((?:[\w./]+/)?[a-z_]+\.py|(?:roughvol|tests|docs|configs)/[\w./-]*)`", _text(page))
-    missing = [name for name in named if not any(f"/{file}".endswith(f"/{name.rstrip('/')}") for file in files)]
-    assert [name for name in missing if not (ROOT / name).exists()] == []
+    files = [f"/{path.relative_to(ROOT).as_posix()}" for path in paths]
+    named = _in_prose(r"`((?:[\w./]+/)?[a-z_]+\.py|(?:roughvol|tests|docs|configs)/[\w./-]*)`")
+    missing = [(page, name) for page, name in named if not (ROOT / name).exists()]
+    assert [at for at in missing if not any(file.endswith(f"/{at[1].rstrip('/')}") for file in files)] == []
 
 
-@pytest.mark.parametrize("page", PROSE)
-def test_targets_of_make_that_a_page_names_exist(page: str) -> None:
+def test_targets_of_make_that_pages_name_exist() -> None:
     targets = set(re.findall(r"^([a-z-]+):", _text("Makefile"), re.MULTILINE))
-    assert set(re.findall(r"`make ([a-z-]+)`", _text(page))) <= targets
+    assert [named for named in _in_prose(r"`make ([a-z-]+)`") if named[1] not in targets] == []
 
 
 def test_slow_tests_that_pages_name_exist() -> None:
