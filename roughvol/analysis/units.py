@@ -52,7 +52,8 @@ def in_units(ds: Dataset, units: MutableMapping[str, str]) -> Dataset:
     changed, kelvin = {}, _kelvin(ds)
     for given in list(units):
         units.setdefault(_along_steps(given), units[given])
-    for name, variable in ds.data_vars.items():
+    for name in ds.data_vars:
+        variable = ds.variables[name]  # quicker than the array with its coordinates
         own = str(variable.attrs.get("units", "1"))
         wanted = units.get(str(name)) or units.setdefault(_along_steps(str(name)), own)
         if own == wanted or own in PLAIN or wanted in PLAIN:
@@ -61,8 +62,9 @@ def in_units(ds: Dataset, units: MutableMapping[str, str]) -> Dataset:
             factor = _factor(own, wanted, kelvin)
         except (AttributeError, ValueError, TypeError):  # bases of pint's errors, as for the unit "length"
             continue
-        changed[name] = (variable * factor).assign_attrs(variable.attrs | {"units": wanted})
-    return ds.assign(changed)
+        changed[name] = variable * factor
+        changed[name].attrs = variable.attrs | {"units": wanted}
+    return ds.assign(changed) if changed else ds.copy()
 
 
 def for_pint(ds: Dataset, name: str, wanted: str | None) -> tuple[Array, str]:

@@ -116,7 +116,8 @@ def _stored(ds: Dataset, name: str) -> str:
 
 def own_names(runs: Iterable[Named]) -> list[str]:
     """Return the names of the figures of quantities of a user, numbers along the steps that are in no table."""
-    made = [name for run in runs for name, held in run.dataset.data_vars.items() if held.dims[-1:] == ("step",)]
+    every = (run.dataset for run in runs)
+    made = [name for ds in every for name in ds.data_vars if ds.variables[name].dims[-1:] == ("step",)]
     own = [name for name in map(str, made) if name not in QUANTITIES or QUANTITIES[name].observable == "own"]
     return [f"{y}_of_{x}" for y, x in itertools.product(dict.fromkeys(own), BELOW)]
 
