@@ -125,7 +125,7 @@ class Closing(WithParts):
             return f"{at}{error}"
         if still:
             count = f"{len(closed)} of {len(self.spans)} surfaces"
-            return f"{count} {at}, the others open up to {self.load(max(still))}"
+            return f"{at} on {count}, open up to {self.load(max(still))} on the others"
         first, last = min(span.open_up_to for span in closed), max(span.closed_from for span in closed)
         return f"{at} in the mean{error}; the first surface above {self.load(first)}, the last below {self.load(last)}"
 

@@ -126,7 +126,8 @@ def tight(way: Way, *, legs: bool = False) -> str:
     """
     closing = way.closing
     if not closing.closed or not math.isfinite(closing.value):  # not followed, or surfaces that stay open
-        return f"{ON_LEG if legs else ''} {closing.words}".strip() if closing.spans else ""
+        closed = "closed " if closing.closed else ""
+        return f"{ON_LEG if legs else ''} {closed}{closing.words}".strip() if closing.spans else ""
     mean = f"{' in the mean' if len(closing.spans) > 1 else ''}{ON_LEG if legs else ''}"
     unknown = f"({closing.unknown})" if closing.unknown else ""
     return _tight_above(closing.value, closing.interval, closing.unit, mean, unknown)

@@ -217,7 +217,10 @@ def test_the_bracket_of_several_surfaces_is_known_if_all_close() -> None:
     several = "between 1.5 and 3 MPa in the mean; the first surface above 1 MPa, the last below 4 MPa"
     assert Closing((one, other), "MPa").words == several
     early, late = Span(1.0, 1.0), Span(3.0, 3.0)
-    assert Closing((early, late, still), "MPa").words == "2 of 3 surfaces at 2 MPa, the others open up to 3 MPa"
+    some = Closing((early, late, still), "MPa")
+    assert some.words == "at 2 MPa on 2 of 3 surfaces, open up to 3 MPa on the others"
+    way = Way("x", average("leak_rate", 1.0), 3, "", some, (), "", ())
+    assert card_text.tight(way, legs=True) == f"on leg 1 closed {some.words}"
     assert math.isnan(Closing((early, still), "MPa").value)
     assert "p* = 2 in the mean" in Closing((early, late), "").words
     solved = Closing((Span(2.0, 2.0),), "MPa", (Part("grid", 2.0, "", 1.25), Part("window", 1.0, "")))
