@@ -510,7 +510,7 @@ def test_the_part_of_the_solver_under_fluid_pressure_holds_an_exact_one(
 
 
 def test_the_part_of_the_solver_under_fluid_pressure_follows_the_longer_side(here: Path) -> None:
-    heights, at = random_midpoint_displacement(2.2, 5, seed=1).heights[:17], parse("pressure=0.08 MPa")
+    heights, at = random_midpoint_displacement(2.2, 4, seed=7).heights[:9], parse("pressure=0.08 MPa")
     cards = []
     for name, z, length in (("wide", heights, "100 um"), ("tall", heights.T, "200 um")):
         np.save(f"{name}.npy", 0.5 * z / z.std())  # µm
