@@ -329,11 +329,12 @@ def _of_seal(run: Dataset, tables: list[tuple[str, Dataset]], patch: Patch) -> C
     ]
     starred = longest.starred[-1] / longest.pressure[-1]
     Sq = float(np.mean([curve.Sq for curve in along_flow]))
+    of_each = patch.of_each([table for _, table in tables])
 
     def seal(pressure: Array, part: str) -> Curve:
         """Return the curve of the seal of one part of the readings of its patches."""
         readings = [[getattr(curve.at(pressure), part) for curve in ways[axis]] for axis in AXES]
-        values = np.moveaxis(patch.conductances(np.moveaxis(np.array(readings), 0, -1), in_units=True), 1, 0)
+        values = of_each.conductances(np.transpose(readings), in_units=True)
         draws = patch.draws_of_many
         sheet = partial(conductance_of, patches=patch.patches, isotropic=isotropic, draws=draws)
         found = [sheet(some[:, np.newaxis]).value for some in values]

@@ -230,13 +230,13 @@ def sizes_of(run: Dataset) -> list[tuple[int, int]]:
 class Patch:
     """The patch that a run observes, with sides along x and y, as a part of the seal of its study.
 
-    ``aspect`` is width over length of the flow along x, as leaks have it.
+    ``aspect`` is width over length of the flow along x, as leaks have it, of all surfaces or of each.
     """
 
     seal: Seal
     sides: tuple[float, float]
     unit: str | None
-    aspect: float
+    aspect: float | Array
     region: Region | None = None
     made_alike: bool = False  # along x and y
 
@@ -253,9 +253,12 @@ class Patch:
         sides = (region or Region()).sides(along_x, along_x * columns / rows)
         unit = run.attrs.get("length_unit")
         study.seal.check(sides, unit)
-        aspect = float(run["region_aspect"].max()) if "region_aspect" in run else 1.0
         square = math.isclose(*sides, rel_tol=WHOLE)
-        return cls(study.seal, sides, unit, aspect, region, made_alike=square and study.surface.is_isotropic)
+        return cls(study.seal, sides, unit, _aspect(run), region, made_alike=square and study.surface.is_isotropic)
+
+    def of_each(self, surfaces: Sequence[Dataset]) -> Patch:
+        """Return the patch with the aspect of each surface: elements of a region depend on the grid of a map."""
+        return replace(self, aspect=np.array([_aspect(surface) for surface in surfaces]))
 
     @property
     def patches(self) -> tuple[int, int]:
@@ -282,10 +285,15 @@ class Patch:
         return self.seal.squares(self.unit)
 
     def conductances(self, leaks: Array, *, in_units: bool) -> Array:
-        """Return sheet conductances along and across the flow, of leaks along x and y on the last axis."""
-        of_plates = np.array([1.0 / self.aspect, self.aspect]) if in_units else 1.0
+        """Return sheet conductances along and across the flow, of leaks (..., surfaces, 2) along x and y."""
+        aspect = np.asarray(self.aspect)
+        of_plates = np.stack([1.0 / aspect, aspect], axis=-1) if in_units else 1.0
         found = np.asarray(leaks) * of_plates
         return found if self.seal.flow == "x" else found[..., ::-1]
+
+
+def _aspect(run: Dataset) -> float:
+    return float(run["region_aspect"].max()) if "region_aspect" in run else 1.0
 
 
 def ratios(surface: Dataset) -> Array:
@@ -346,16 +354,15 @@ def median(patch: Patch, leaks: Array, *, isotropic: bool, draws: int = DRAWS) -
 
     So does a gas: between two pressures its throughput goes with p², and G of viscous flow is that of the liquid.
     """
-    known = known_of(leaks)
+    known = known_of(patch.conductances(leaks, in_units=True))
     if not len(known):
         return math.nan
-    values = patch.conductances(known, in_units=True)[:, np.newaxis]
-    found = conductance_of(values, patch.patches, isotropic=isotropic and len(known) > 1, draws=draws)
+    found = conductance_of(known[:, np.newaxis], patch.patches, isotropic=isotropic and len(known) > 1, draws=draws)
     return found.value * patch.squares
 
 
 def known_of(leaks: Array) -> Array:
-    """Return the leaks along x and y of the patches that are known, shape (patches, 2).
+    """Return the leaks along two axes of the patches that are known, shape (patches, 2).
 
     The array is empty where a patch is known along one axis alone: the patch closed there, and seals drawn from the
     others leak more.

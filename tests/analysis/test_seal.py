@@ -508,6 +508,24 @@ def test_a_read_off_names_the_patches_of_its_region(here: Path) -> None:
         assert f"along x, {patches} patches" in text
 
 
+def test_each_map_of_a_seal_has_the_aspect_of_its_own_region(here: Path) -> None:
+    """A share of a side is 4 elements of 22, and 7 of 33. Cards took the first map for all, read-offs the widest."""
+    for name, n in (("coarse", 22), ("fine", 33)):
+        np.save(f"{name}.npy", 5.0 * random_midpoint_displacement(2.2, 6, seed=n).heights[:n, :n])
+    maps = "{files: [NAMES], L: 0.1 mm, heights_unit: um}"
+    text = re.sub("surface: .*", f"surface: {maps}", TEXT).replace(SWEEP, "pressures: [0.01 MPa, 0.02 MPa]")
+    text = text.replace("record:", "record:\n  region: {x: [0.4, 0.6]}").replace("width: 2 mm", "width: 0.02 mm")
+    leaks = []
+    for names in ("coarse.npy, fine.npy", "fine.npy, coarse.npy"):
+        study = loads(text.replace("NAMES", names), Path("joint.yaml"))
+        ds = roughvol.run(study, jobs=1)
+        (x, y), aspect = ds["leak_rate"].sel(step=2).transpose("axis", ...).values, ds["region_aspect"].values
+        (card,) = roughvol.card(study, "pressure=0.02 MPa", jobs=1).cards.values()
+        read = roughvol.creep(ds, LAW, at="pressure=0.01 MPa", times="1 s")  # J doubles in a second
+        leaks += [card.seal.leak, read.leak["x"].value[0]]
+    assert_allclose(leaks, 600.0 * np.mean([x / aspect, y * aspect]), rtol=0.01)  # squares, patches are turned
+
+
 def test_a_seal_is_read_off_from_the_load_that_all_surfaces_have(here: Path) -> None:
     """Also below the steps of the longest sweep. The figure and the table of creep are those of a seal."""
     ran("joint", COARSE.replace("steps: 8", "steps: 5"))

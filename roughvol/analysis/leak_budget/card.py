@@ -116,12 +116,14 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     patch = Patch.of(fine[0].run.study, fine[0].table)
     if patch is None:
         return None
-    check_alike([size for surface in fine for size in seal.sizes_of(surface.table)])
+    tables = [surface.table for surface in fine]
+    check_alike([size for table in tables for size in seal.sizes_of(table)])
+    patch = patch.of_each(tables)
     flow = next(way for way in ways if way.axis == patch.seal.flow)
     units = bool(flow.unit)
-    isotropic = patch.is_isotropic([surface.table for surface in fine])
-    leaks = seal.known_of(np.array([[surface.leak(axis) for axis in AXES] for surface in fine]))
-    maps = patch.conductances(leaks, in_units=units)
+    isotropic = patch.is_isotropic(tables)
+    leaks = np.array([[surface.leak(axis) for axis in AXES] for surface in fine])
+    maps = seal.known_of(patch.conductances(leaks, in_units=units))
     quadrants = patch.conductances(_of_quadrants(fine[0]), in_units=units) if len(fine) == 1 else None
     shared = [part for part in flow.parts if part.name != "window"] if flow.leak.value > 0.0 else []
     doubt = seal.doubt_of([seal.surface_of(surface.fields, patch.region) for surface in fine])
