@@ -23,7 +23,8 @@ conducts as much as the poorest open patch.
 
 **Long seals.** Columns of patches differ among each other, and a stream seldom drifts farther sideways than the seal is
 wide. More than 128 columns are taken as rings of 64 columns side by side, which have no ends. More than 16 patches in a
-row are taken in blocks, no wider than the seal is long. Each block is a patch of its own sheet.
+row are taken in blocks, no wider than the seal is long. Each block is a patch of its own sheet. A stream drifts far
+sideways where patches conduct more across the flow, by the root of the ratio: blocks are wider there by this factor.
 """
 
 from __future__ import annotations
@@ -52,6 +53,7 @@ from roughvol.typing import Array
 DRAWS, FEW_DRAWS = 300, 50
 QUICK_ROW = 8  # patches in a row, up to which many states have as many draws as one state
 ROW, RING = 16, 64  # most patches in a row, and columns of a ring
+WIDEST = 1024.0  # largest width of a block over its length along the flow
 SIDE_BY_SIDE = 4096  # rings whose mean is taken at most; a longer seal has the same mean
 ERRORS = 2.0  # standard errors within which x and y are alike
 ENDS = (0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE)
@@ -164,7 +166,11 @@ def drawn(
     n, m = patches
     if n > ROW:
         side = math.ceil(n / ROW)
-        beside = min(side, m)  # a sheet narrower than a block has blocks of its own width
+        down, over = along.mean(), across.mean()
+        known = down > 0.0 and math.isfinite(down + over)  # the closing load of a patch may be infinite
+        ratio = min(max(over / down, WIDEST**-2), WIDEST**2) if known else 1.0
+        stretch = 2.0 ** round(0.5 * math.log2(ratio))  # a power of two, so that few loads have a ratio on its border
+        beside = max(1, min(round(side * stretch), m))  # a sheet narrower than a block has blocks of its own width
         first = drawn(along, across, (side, beside), of, together, draws, seed + 1)
         second = drawn(across, along, (beside, side), of, together, draws, seed + 2)
         return drawn(first, second, (round(n / side), round(m / beside)), of, together, draws, seed)
