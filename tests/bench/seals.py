@@ -35,6 +35,7 @@ from roughvol.gap import sheet
 from roughvol.gap.clusters import percolates
 from roughvol.gap.transport import conduction
 from roughvol.surfaces import Spectrum, Surface, power_law_surface, random_midpoint_displacement
+from roughvol.surfaces.psd import waves
 from roughvol.surfaces.treatment import level
 
 NODES, WINDOW, SCANS = 512, 129, 3
@@ -286,22 +287,28 @@ def windows(rows: list[dict[str, Any]]) -> None:
 
 
 def roll_offs(triples: int = 40) -> None:
-    """Print how often three maps of 129² are found to have a roll-off."""
+    """Print how often three maps of 129² have a roll-off, and their numbers of waves along y over those along x."""
     for D in (2.1, 2.3, 2.5, 2.7, 2.9):
         maps = [random_midpoint_displacement(D, 7, seed=seed) for seed in range(3 * triples)]
         print(f"midpoint D = {D}: {_share(maps)}")
-    for anisotropy, waves in ((1.0, 2.0), (1.0, 4.0), (1.0, 8.0), (3.0, 4.0), (3.0, 8.0), (3.0, 16.0)):
-        spectrum = Spectrum(rolloff=2.0 * waves, cut=64.0, anisotropy=anisotropy)
+    for anisotropy, number in ((1.0, 2.0), (1.0, 4.0), (1.0, 8.0), (3.0, 4.0), (3.0, 8.0), (3.0, 16.0)):
+        spectrum = Spectrum(rolloff=2.0 * number, cut=64.0, anisotropy=anisotropy)
         maps = []
         for seed in range(3 * triples):
             z = power_law_surface(spectrum, 0.8, 256, seed=seed).heights[:WINDOW, :WINDOW]
             maps.append(Surface(level(z, "tilt"), 1.0))
-        print(f"H = 0.8, {anisotropy:g} : 1, L/λ_r = {waves:g} along y: {_share(maps)}")
+        print(f"H = 0.8, {anisotropy:g} : 1, L/λ_r = {number:g} along y: {_share(maps)}")
 
 
 def _share(maps: list[Surface]) -> str:
-    triples = [seal.has_roll_off(maps[k : k + 3]) for k in range(0, len(maps), 3)]
-    return f"{sum(triples)} of {len(triples)} triples, {sum(seal.has_roll_off([one]) for one in maps)} of {len(maps)}"
+    words = []
+    for size in (3, 1):
+        groups = [maps[k : k + size] for k in range(0, len(maps), size)]
+        along = [np.mean([waves(one) for one in group], axis=0) for group in groups]
+        ratios = sorted(y / x for x, y in along)
+        rolled = sum(map(seal.has_roll_off, groups))
+        words.append(f"{rolled} of {len(groups)} groups of {size}, waves {ratios[0]:.2f} to {ratios[-1]:.2f}")
+    return "; ".join(words)
 
 
 def known(seals: int = 20) -> None:
