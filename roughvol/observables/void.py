@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 
+from roughvol.errors import SurfaceError
 from roughvol.gap import clusters, quick_estimates, transport
 from roughvol.gap.gas import conduction_of_gas
 from roughvol.gap.perimeter import contact_perimeter
@@ -17,7 +19,7 @@ from roughvol.observables.variables import AXES
 from roughvol.study import Case
 from roughvol.surfaces.psd import waves
 from roughvol.surfaces.surface import Surface
-from roughvol.typing import Array, Index
+from roughvol.typing import Array, Index, Sides
 
 Found = TypeVar("Found")
 
@@ -66,11 +68,16 @@ def coordinates(case: Case, surface: Surface) -> Values:
 
 
 def region(case: Case, surface: Surface) -> Values:
-    """Return the extent of the region along y over that along x, and the numbers of waves on its sides."""
+    """Return the extent of the region along y over that along x, and the numbers of waves on its sides.
+
+    The numbers are NaN of a region that is no surface, as one of two rows.
+    """
     rows, columns = window(case, surface.shape)
-    aspect = (columns.stop - columns.start) / (rows.stop - rows.start)
-    part = Surface(surface.heights[rows, columns], surface.spacing, sides="periodic" if is_period(case) else "free")
-    return {"region_aspect": aspect, "region_waves": waves(part)}
+    aspect, numbers = (columns.stop - columns.start) / (rows.stop - rows.start), np.full(len(AXES), np.nan)
+    with contextlib.suppress(SurfaceError):
+        sides: Sides = "periodic" if is_period(case) else "free"
+        numbers = waves(Surface(surface.heights[rows, columns], surface.spacing, sides=sides))
+    return {"region_aspect": aspect, "region_waves": numbers}
 
 
 def perimeter(view: View) -> Values:

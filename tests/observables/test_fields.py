@@ -1,5 +1,6 @@
 """Central regions of several widths: what is inside them, from one solution; and the cost of what is recorded."""
 
+import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -78,3 +79,10 @@ def test_the_aspect_is_that_of_the_region():
     text = "record: {region: {x: [0, 0.5]}, transport: {transmissivity: last}}"
     assert float(run_case(_case(text)).region_aspect.item()) == 17 / 9
     assert "region_aspect" not in run_case(_case("record: {transport: {percolation: last}}"))
+
+
+def test_a_region_of_two_rows_has_its_flow_and_no_number_of_waves():
+    found = run_case(_case("record: {region: {x: [0, 0.07]}, transport: {transmissivity: last}}"))
+    assert found.region_aspect.item() == 17 / 2
+    assert np.isfinite(found.transmissivity).any()
+    assert np.isnan(found.region_waves).all()
