@@ -173,6 +173,8 @@ def drawn(
         beside = max(1, min(round(side * stretch), m))  # a sheet narrower than a block has blocks of its own width
         first = drawn(along, across, (side, beside), of, together, draws, seed + 1)
         second = drawn(across, along, (beside, side), of, together, draws, seed + 2)
+        if of is sheet.conductance:  # over that along, a block conducts across with the square of its shape
+            second = second * (side / beside) ** 2
         return drawn(first, second, (round(n / side), round(m / beside)), of, together, draws, seed)
     if min(along.min(), across.min()) == max(along.max(), across.max()):
         return np.full(draws, along[0])
