@@ -27,6 +27,7 @@ from roughvol.report.figures.creep import drawing_of
 from roughvol.report.figures.leak_card import panels
 from roughvol.store.dataset import Dataset
 from roughvol.study import Region, loads, parse
+from roughvol.study.sections.seal import unevenness
 from roughvol.surfaces import Spectrum, Surface, power_law_surface, random_midpoint_displacement
 from roughvol.typing import Array
 from tests.kit import answered, ran, said
@@ -203,6 +204,7 @@ def test_patches_of_a_seal_hold_as_many_waves_along_both_sides() -> None:
         doubt = seal.doubt_of([Surface(z, 1.0) for z in maps])
         assert words in doubt
         assert bool(words) == bool(doubt)
+    assert "less than one wave along y, and 5 along x" in unevenness(np.array([5.0, 0.0]))  # a lay of one period
 
 
 def test_check_run_and_card_say_that_patches_are_uneven_and_a_region_that_is_even_has_no_such_doubt() -> None:

@@ -71,6 +71,11 @@ def unevenness(waves: Sequence[float]) -> str:
     (few, short), (many, wide) = sorted(zip(waves, "xy", strict=True))
     if not many > EVEN * few:
         return ""
+    if few < 1.0:
+        return (
+            f"a patch holds less than one wave along {short}, and {many:.2g} along {wide}: no part of the patch is "
+            f"representative of the seal; observe more along {short}"
+        )
     return (
         f"a patch holds {many / few:.2g} times as many waves along {wide} as along {short}: near closing a seal of "
         f"such patches leaks too much along {short} and too little along {wide}; observe {few / many:.2g} of the patch "
