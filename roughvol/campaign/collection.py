@@ -100,7 +100,8 @@ def combined(found: Finished, cases: Mapping[str, Case], study: Study) -> Datase
     results = dataset.combine(list(found.arrays.values()), attributes)
     results = dimensional.in_units(results, study, case.length_unit)
     findings = validity.after(validity.setting(study), results)
-    waves = results["region_waves"].values.reshape(-1, 2).mean(axis=0) if "region_waves" in results else ()
+    named = results.get("region_waves")
+    waves = [] if named is None else named.mean({*named.dims} - {"axis"}).values.tolist()  # of cases that have them
     doubts = interpretation.sentences(study, results["Sq"].values.ravel(), results["L"].item(), case.length_unit, waves)
     return results.assign_attrs(warnings="\n".join(validity.sentences(findings, (*case.notes, *doubts))))
 

@@ -21,6 +21,7 @@ from roughvol.errors import StudyError
 from roughvol.gap import sheet
 from roughvol.gap.network import harmonic
 from roughvol.gap.transport import conduction
+from roughvol.observables import void
 from roughvol.questions import Cards
 from roughvol.report import card_page, card_text, screen
 from roughvol.report.figures.creep import drawing_of
@@ -217,6 +218,15 @@ def test_check_run_and_card_say_that_patches_are_uneven_and_a_region_that_is_eve
     for is_even, study in enumerate((loads(text), loads(even))):
         for told in (doubts(study), [roughvol.run(study, jobs=1).attrs["warnings"]]):
             assert any("times as many waves" in line for line in told) != is_even
+
+
+def test_cases_without_numbers_of_waves_hide_no_uneven_patches(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As cases of a former version in the folder of a run."""
+    text = TEXT.replace("rolloff: 4, cut: 8,", "rolloff: 8, cut: 12, anisotropy: 3,").replace(SWEEP, PRESSED)
+    with monkeypatch.context() as former:
+        former.setattr(void, "waves", lambda _: np.full(2, np.nan))
+        assert "waves" not in roughvol.run(loads(text.replace("seeds: 3", "seeds: 1")), jobs=1).attrs["warnings"]
+    assert "times as many waves along y" in roughvol.run(loads(text), jobs=1).attrs["warnings"]
 
 
 # a known seal
