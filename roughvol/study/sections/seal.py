@@ -19,7 +19,7 @@ from roughvol.study.values.units import Length, in_unit, unit_of
 
 WHOLE = 0.02  # of a patch: a seal shorter by no more is as long as the patch
 EVEN = 1.5  # most waves on one side of a patch over those on the other
-IN_A_ROW = 10**6  # most patches along the flow: from 17 on, every factor 16 doubles the work at least
+MOST_IN_A_ROW = 10**6  # most patches along the flow: from 17 on, every factor 16 doubles the work at least
 
 
 class Seal(Strict):
@@ -58,8 +58,8 @@ class Seal(Strict):
             elif in_unit(given, unit) < (1.0 - WHOLE) * side:
                 allowed = f"at least as much, or record.region as long along {axis} as the seal"
                 yield key, f"is {given}, and a patch is {patch} long along {axis}; allowed: {allowed}"
-            elif key == "width" and in_unit(given, unit) > IN_A_ROW * side:
-                yield key, f"is {given}; allowed: at most {IN_A_ROW} patches of {patch} in a row"
+            elif key == "width" and in_unit(given, unit) > MOST_IN_A_ROW * side:
+                yield key, f"is {given}; allowed: at most {MOST_IN_A_ROW} patches of {patch} in a row"
 
 
 def unevenness(waves: Sequence[float]) -> str:
