@@ -167,8 +167,7 @@ def drawn(
     if n > ROW:
         side = math.ceil(n / ROW)
         down, over = along.mean(), across.mean()
-        known = down > 0.0 and math.isfinite(down + over)  # the closing load of a patch may be infinite
-        ratio = min(max(over / down, WIDEST**-2), WIDEST**2) if known else 1.0
+        ratio = min(max(over / down, WIDEST**-2), WIDEST**2) if down > 0.0 else 1.0
         stretch = 2.0 ** round(0.5 * math.log2(ratio))  # a power of two, so that few loads have a ratio on its border
         beside = max(1, min(round(side * stretch), m))  # a sheet narrower than a block has blocks of its own width
         first = drawn(along, across, (side, beside), of, together, draws, seed + 1)
