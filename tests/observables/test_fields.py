@@ -6,6 +6,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from roughvol.campaign.one_case import run_case
 from roughvol.gap import transport
+from roughvol.surfaces.psd import waves
+from roughvol.surfaces.surface import Surface
 from tests.observables.kit import case_of, states_of
 
 WIDTHS = "record: {region_widths: {shares: [1, 0.5, 0.75], transmissivity: {step: [2, 4]}}"
@@ -86,3 +88,10 @@ def test_a_region_of_two_rows_has_its_flow_and_no_number_of_waves():
     assert found.region_aspect.item() == 17 / 2
     assert np.isfinite(found.transmissivity).any()
     assert np.isnan(found.region_waves).all()
+
+
+def test_the_waves_of_a_whole_period_are_those_without_a_window():
+    text = "surface: {H: 0.8, n: 16, rolloff: 2, cut: 4, sides: periodic}\nsweep: {steps: 1, to: {contact_area: 0.2}}\n"
+    found = run_case(case_of(f"{text}record: {{heights: true, transport: {{transmissivity: last}}}}", ""))
+    period = Surface(found.heights.squeeze().values, 1.0, sides="periodic")
+    assert_allclose(found.region_waves.squeeze(), waves(period), rtol=1e-9)
