@@ -65,7 +65,7 @@ def test_a_load_acts_on_the_whole_period(here: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
-        (["show", "dry", "--at", "pressure=9MPa"], "its steps have pressure"),
+        (["show", "dry", "--at", "pressure=9MPa"], "its steps have pressure 0."),
         (["show", "dry", "--at", "pressure=900"], "its steps have pressure p* = "),
         (["show", "dry", "--at", "pressure=1um"], "is a unit of length, not of pressure"),
         (["show", "dry", "--at", "mean_gap=1"], "needs its unit"),

@@ -16,7 +16,7 @@ from roughvol.analysis.leak_curve import ENDLESS, curves
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
 from roughvol.campaign import card as card_runs
-from roughvol.campaign.interpretation import doubts
+from roughvol.campaign.interpretation import doubts, sentences
 from roughvol.errors import StudyError
 from roughvol.gap import sheet
 from roughvol.gap.network import harmonic
@@ -100,6 +100,8 @@ def test_blocks_of_patches_with_grooves_conduct_as_the_whole_sheet_does(
     found = np.median(seal.drawn(along, across, (32, 1920), sheet.conductance, draws=100))
     apart = np.median(seal.drawn(along, 0.0 * across, (32, 1920), sheet.conductance, draws=100))
     assert 0.0 <= apart < found
+    closing = seal.drawn(along, across, (32, 1920), sheet.closing, np.max, draws=9)
+    assert np.isin(closing, [0.0, *along, *across]).all()  # the closing load of a patch
     rng = np.random.default_rng(5)
     whole = [(rng.choice(along, (32, 64)), rng.choice(across, (31, 64))) for _ in range(12)]
     assert_allclose(found, np.median([sheet.conductance(*joints, ring=True) for joints in whole]), rtol=within)
@@ -234,6 +236,7 @@ def test_cases_without_numbers_of_waves_hide_no_uneven_patches(here: Path, monke
         former.setattr(void, "waves", lambda _: np.full(2, np.nan))
         assert "waves" not in roughvol.run(loads(text.replace("seeds: 3", "seeds: 1")), jobs=1).attrs["warnings"]
     assert "times as many waves along y" in roughvol.run(loads(text), jobs=1).attrs["warnings"]
+    assert not sentences(loads(text), [1.0], 500.0, "um", [])
 
 
 # a known seal
