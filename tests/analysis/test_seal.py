@@ -209,7 +209,9 @@ def test_patches_of_a_seal_hold_as_many_waves_along_both_sides() -> None:
         doubt = seal.doubt_of([Surface(z, 1.0) for z in maps])
         assert words in doubt
         assert bool(words) == bool(doubt)
-    assert "less than one wave along y, and 5 along x" in unevenness(np.array([5.0, 0.0]))  # a lay of one period
+    assert [bool(unevenness(waves)) for waves in ((5.0, 0.0), (1.4, 5.0), (1.6, 5.0))] == [False, False, True]
+    lay = np.cos(np.arange(32) * math.pi / 2.0)[:, np.newaxis] * np.ones(32)
+    assert seal.doubt_of([Surface(lay, 1.0, sides="periodic")]) == seal.NO_ROLL_OFF
 
 
 def test_check_run_and_card_say_that_patches_are_uneven_and_a_region_that_is_even_has_no_such_doubt(here: Path) -> None:
@@ -231,7 +233,7 @@ def test_check_run_and_card_say_that_patches_are_uneven_and_a_region_that_is_eve
 
 def test_cases_without_numbers_of_waves_hide_no_uneven_patches(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As cases of a former version in the folder of a run."""
-    text = TEXT.replace("rolloff: 4, cut: 8,", "rolloff: 8, cut: 12, anisotropy: 3,").replace(SWEEP, PRESSED)
+    text = TEXT.replace("rolloff: 4, cut: 8,", "rolloff: 12, cut: 15, anisotropy: 3,").replace(SWEEP, PRESSED)
     with monkeypatch.context() as former:
         former.setattr(void, "waves", lambda _: np.full(2, np.nan))
         assert "waves" not in roughvol.run(loads(text.replace("seeds: 3", "seeds: 1")), jobs=1).attrs["warnings"]

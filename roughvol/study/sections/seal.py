@@ -19,6 +19,7 @@ from roughvol.study.values.units import Length, in_unit, unit_of
 
 WHOLE = 0.02  # of a patch: a seal shorter by no more is as long as the patch
 EVEN = 1.5  # most waves on one side of a patch over those on the other
+FEWEST = 1.5  # waves on a side that can be compared: fewer are no roll-off, and their number scatters
 MOST_IN_A_ROW = 10**6  # most patches along the flow: from 17 on, every factor 16 doubles the work at least
 
 
@@ -69,13 +70,8 @@ def unevenness(waves: Sequence[float]) -> str:
     each other and closes late. docs/explanation/notes/seal.md has how far seals of such patches are off.
     """
     (few, short), (many, wide) = sorted(zip(waves, "xy", strict=True))
-    if not many > EVEN * few:
+    if few < FEWEST or not many > EVEN * few:
         return ""
-    if few < 1.0:
-        return (
-            f"a patch holds less than one wave along {short}, and {many:.2g} along {wide}: no part of the patch is "
-            f"representative of the seal; observe more along {short}"
-        )
     return (
         f"a patch holds {many / few:.2g} times as many waves along {wide} as along {short}: near closing a seal of "
         f"such patches leaks too much along {short} and too little along {wide}; observe {few / many:.2g} of the patch "
