@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -172,17 +171,8 @@ def curve_of(points: Mapping[float, float], closes: float) -> PchipInterpolator 
     return PchipInterpolator(*sides, extrapolate=False)
 
 
-_FOUND: WeakKeyDictionary[Pressed, list[Loaded]] = WeakKeyDictionary()  # a card asks for a run up to four times
-
-
-def surfaces_at_load(pressed: Pressed) -> list[Loaded]:
-    """Return the surfaces of a run at the load of a card."""
-    if pressed not in _FOUND:
-        _FOUND[pressed] = list(_surfaces(pressed))
-    return _FOUND[pressed]
-
-
-def _surfaces(pressed: Pressed) -> Iterator[Loaded]:
+def surfaces_at_load(pressed: Pressed) -> Iterator[Loaded]:
+    """Yield the surfaces of a run at the load of a card."""
     run = Run.of(SWEEP, pressed.dataset)
     for label, group in groups(derived(run.dataset, run.study)):
         for k in range(group.sizes["seed"]):
