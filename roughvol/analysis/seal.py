@@ -23,8 +23,8 @@ conducts as much as the poorest open patch.
 
 **Long seals.** Columns of patches differ among each other, and a stream seldom drifts farther sideways than the seal is
 wide. More than 128 columns are taken as rings of 64 columns side by side, which have no ends. More than 16 patches in a
-row are taken in blocks, no wider than the seal is long. Each block is a patch of its own sheet. A stream drifts far
-sideways where patches conduct more across the flow, by the root of the ratio: blocks are wider there by this factor.
+row are taken in blocks, no wider than the seal is long. Each block is a patch of its own sheet. A stream drifts as far
+sideways as patches conduct across the flow over along it, by the root of this ratio. Blocks are wider by this factor.
 """
 
 from __future__ import annotations

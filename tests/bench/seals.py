@@ -6,6 +6,7 @@
     python -m tests.bench.seals --roll-off
     python -m tests.bench.seals --known
     python -m tests.bench.seals --long
+    python -m tests.bench.seals --grooves
     python -m tests.bench.seals --windows --joints 40 --kept runs/seals.jsonl
 
 A joint of 512² elements is the truth: the flow through one period along x or y. Three windows of 129² elements of it,
@@ -72,6 +73,12 @@ KINDS = (
     Kind(0.8, 16, 3.0),
     Kind(0.6, 32, 3.0),
     Kind(0.8, 16, 1.0, 150.0),
+)
+GROOVES = (  # conductances of three kinds of patches along the flow, and across
+    ((0.0, 0.0, 1.0), (50.0, 100.0, 150.0)),
+    ((0.05, 1.0, 4.0), (10.0, 30.0, 60.0)),
+    ((3.0, 30.0, 300.0), (0.1, 1.0, 3.0)),
+    ((0.001, 1.0, 30.0), (1.0, 30.0, 1000.0)),
 )
 OBLONG = Kind(0.8, 64, 3.0, None, 1024, 3), Kind(0.6, 64, 3.0, None, 1024, 3)
 
@@ -346,20 +353,38 @@ def long(draws: int = 200) -> None:
             print(f"scatter {scatter} of logarithms, {n} in a row: {'; '.join(words)}")
 
 
+def grooves() -> None:
+    """Print the conductance of blocks over that of whole rings: square blocks, and those as wide as patches conduct."""
+    rng, widest = np.random.default_rng(5), seal.WIDEST
+    for pools in GROOVES:
+        along, across = np.array(pools)
+        rings = [(rng.choice(along, (32, 64)), rng.choice(across, (31, 64))) for _ in range(100)]
+        whole = np.median([sheet.conductance(*joints, ring=True) for joints in rings])
+        ratios = []
+        for seal.WIDEST in (1.0, widest):
+            ratios.append(np.median(seal.drawn(along, across, (32, 1920), sheet.conductance)) / whole)
+        print(f"{pools[0]} along, {pools[1]} across: square {ratios[0]:.2f}, as patches conduct {ratios[1]:.2f}")
+
+
 def main() -> None:
     """Print what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--joints", type=int, default=0)
     parser.add_argument("--kept", type=Path, default=Path("runs/seals.jsonl"))
     parser.add_argument("--closings", action="store_true")
-    for name in ("oblong", "roll-off", "known", "long", "windows"):
+    for name in ("oblong", "roll-off", "known", "long", "grooves", "windows"):
         parser.add_argument(f"--{name}", action="store_true")
     args = parser.parse_args()
     if args.joints:
         args.kept.parent.mkdir(parents=True, exist_ok=True)
         rows = kept(args.kept, args.joints, OBLONG if args.oblong else KINDS, closings=args.closings)
         (windows if args.windows else report)(rows)
-    for wanted, function in ((args.roll_off, roll_offs), (args.known, known), (args.long, long)):
+    for wanted, function in (
+        (args.roll_off, roll_offs),
+        (args.known, known),
+        (args.long, long),
+        (args.grooves, grooves),
+    ):
         if wanted:
             function()
 

@@ -50,7 +50,7 @@ COLUMNS = ("panel", "curve", "D", "m", "seed", "case", "axis", "x", "y", "x_labe
 MANY = 6  # height files of a run that have a curve each; more are one family
 LINE = 0.19  # inches that each further line of a legend adds
 KEY = 6  # characters of the line beside a name of a legend
-TALL = 36  # characters of a label that fit beside the axes
+LABEL_WIDTH = 36  # characters of a label that fit beside the axes
 NAMES = tuple(f"{y}_of_{x}" for y, x in itertools.product(VARIABLES_OF, BELOW) if y != x)
 """Names of all figures by content."""
 IN_WORDS = f"Y_of_X as v_of_p, X of {', '.join(BELOW)}, Y of these or {', '.join(LOGARITHMIC)}"
@@ -263,7 +263,7 @@ def _label(name: str, runs: Sequence[Named]) -> str:
     unit = _unit(name, runs[0].dataset)
     label = style.LABELS.get(name) or file_text(str(runs[0].dataset[name].attrs["long_name"]))
     words = label if unit == "1" else f"{label} [{style.unit_text(unit)}]"
-    return words if name in style.LABELS else textwrap.fill(words, TALL)
+    return words if name in style.LABELS else textwrap.fill(words, LABEL_WIDTH)
 
 
 def _families(runs: Sequence[Named], x: str, y: str) -> tuple[list[Family], str]:
