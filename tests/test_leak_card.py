@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 import roughvol
+from roughvol.analysis import seal
 from roughvol.analysis.average import average
 from roughvol.analysis.leak_card import Card, Closing, Part, Way
 from roughvol.analysis.tables import number
@@ -238,6 +239,16 @@ def test_a_card_says_which_of_its_other_runs_failed(
         unknown = [part.words for part in parts.values() if part.name in ("grid", "levelling") and not part.known]
         assert all("not computed at twice the spacing: face0" in words for words in unknown)
         assert all("allowed: beyond first touch" in words for words in unknown)
+
+
+def test_a_card_of_a_region_of_two_rows_has_no_coarser_grid_and_no_roll_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(card_runs, "FEWEST_NODES", 15)
+    study = PRESSED.replace("m: 4", "m: 5").replace("record: {", "record: {region: {x: [0.5, 0.56]}, ")
+    (card,) = _computed(f"{study}seal: {{length: 1 mm, width: 10 um}}").cards.values()
+    (grid,) = (part for part in card.ways[0].parts if part.name == "grid")
+    assert not grid.known
+    assert re.search("not computed at twice the spacing: .*record.region: .* is fewer than 2 × 2", grid.words)
+    assert seal.NO_ROLL_OFF in card.seal.words
 
 
 def test_several_maps_have_a_card_each_one_together_and_a_table() -> None:

@@ -109,7 +109,7 @@ def doubt_of(heights: Sequence[Surface]) -> str:
     """Return why patches are not representative of a seal, from their heights; empty where they are."""
     if not has_roll_off(heights):
         return NO_ROLL_OFF
-    return unevenness(np.mean([waves(surface) for surface in heights], axis=0))
+    return unevenness(np.nanmean([waves(surface) for surface in heights], axis=0))
 
 
 def has_roll_off(heights: Sequence[Surface]) -> bool:

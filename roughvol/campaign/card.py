@@ -285,13 +285,13 @@ def compute(
     coarser, levelled, no_coarser, no_levelled = list[Pressed](), None, "", ""
     try:
         coarser.extend(map(pressed, planned.coarser))
-    except CampaignError as error:
+    except (CampaignError, StudyError) as error:
         no_coarser = f"not computed at {planned.coarser[len(coarser)].words}: {str(error).splitlines()[-1]}"
     try:
         if planned.coarser and not coarser:  # the levelling is changed on its grid
             no_levelled = no_coarser if planned.levelled is not None else ""
         elif planned.levelled is not None:
             levelled = pressed(planned.levelled)
-    except CampaignError as error:
+    except (CampaignError, StudyError) as error:
         no_levelled = f"not computed: {str(error).splitlines()[-1]}"
     return CardRuns(fine, tuple(coarser), levelled, no_coarser, no_levelled)

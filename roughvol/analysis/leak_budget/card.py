@@ -36,7 +36,7 @@ from roughvol.analysis.leak_card import Beside, Card, Closing, Part, SealLeak, S
 from roughvol.analysis.seal import Patch
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
-from roughvol.errors import DatasetError
+from roughvol.errors import DatasetError, SurfaceError
 from roughvol.observables.variables import AXES
 from roughvol.observables.void import quarters
 from roughvol.store.card_runs import CardRuns, Pressed
@@ -126,7 +126,10 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     maps = seal.known_of(patch.conductances(leaks, in_units=units))
     quadrants = patch.conductances(_of_quadrants(fine[0]), in_units=units) if len(fine) == 1 else None
     shared = [part for part in flow.parts if part.name != "window"] if flow.leak.value > 0.0 else []
-    doubt = seal.doubt_of([seal.surface_of(surface.fields, patch.region) for surface in fine])
+    try:
+        doubt = seal.doubt_of([seal.surface_of(surface.fields, patch.region) for surface in fine])
+    except SurfaceError:  # a region of two rows
+        doubt = seal.NO_ROLL_OFF
     closing, of_load = _closing_of_seal(fine, patch, flow, isotropic=isotropic, doubt=doubt)
     leak, parts, words = seal.leak_of(patch, maps, quadrants, isotropic=isotropic, doubt=doubt, shared=shared)
     gas_leak, gas_unit = math.nan, fine[0].unit(name := f"gas_{FLOW}")
