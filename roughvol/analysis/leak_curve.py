@@ -12,16 +12,16 @@ docs/how-to/read-offs.md).
 A way closes between its last open step and the next step, or at its solved closing load. Until then the leak lies
 between 0 and that of the open step. Its value is on the straight line to 0, as in `at`.
 
-A step of a seal has one load, at which most of its patches are read off. The leak of the seal rises with that of each
-patch. So it lies between two seals: all patches at the lower ends of their readings, and all at the upper ends.
+A seal is made of its patches at each load, as in `at`: its leak is no curve through those of a few steps. It rises with
+that of each patch. So it lies between two seals: all patches at the lower ends of their readings, and all at the upper
+ends.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
@@ -42,7 +42,9 @@ from roughvol.study.values.state_kinds import REACHED
 from roughvol.typing import Array
 
 SEAL = "the seal"  # in the place of the name of a surface
-CLOSING = 4  # parts of a step on which a patch closes
+PARTS = ("value", "low", "high")  # of the readings of patches
+BISECTED = 1e-8  # logarithm of a load at which a seal has a leak
+LEAST = 1e-300  # leak in the place of 0
 ENDLESS = 1e150  # load in the place of infinity
 
 
@@ -82,7 +84,7 @@ class Curve:
     """The leak of one surface, by its file or seed, along the first leg of a sweep: arrays over the steps.
 
     The nominal pressure rises, the leak is 0 where closed, ``starred`` is p*. Pressure, leak and ``Sq`` have the units
-    of the study. ``parts`` of a seal are its lower, its middle and its upper curve.
+    of the study. ``of_seal`` returns the leaks of a seal at pressures, with one part of the readings of its patches.
     """
 
     surface: str
@@ -90,7 +92,7 @@ class Curve:
     leak: Array
     starred: Array
     Sq: float
-    parts: tuple[Curve, ...] = ()
+    of_seal: Callable[[Array, str], Array] | None = None
 
     @cached_property
     def closing(self) -> Span:
@@ -111,9 +113,10 @@ class Curve:
 
     def at(self, pressures: Array) -> Reading:
         """Return the leaks and their intervals at nominal pressures > 0 in the unit of the study."""
-        if self.parts:
-            lower, middle, upper = (curve.at(pressures) for curve in self.parts)
-            return Reading(middle.value, np.minimum(lower.low, middle.value), np.maximum(upper.high, middle.value))
+        if self.of_seal is not None:
+            value, low, high = (self.of_seal(pressures, part) for part in PARTS)
+            value[pressures >= self.closing.closed_from * (1.0 - REACHED)] = 0.0
+            return Reading(value, np.fmin(low, value), np.fmax(high, value))
         logs = np.log(pressures)
         value, low, high = (np.full(len(logs), np.nan) for _ in range(3))
         open_up_to, closed_from = self.closing.open_up_to, self.closing.closed_from
@@ -138,9 +141,11 @@ class Curve:
 
         ``log_wanted`` returns the log of the value at logarithms of nominal pressures; it does not fall.
         """
-        if self.parts:
-            lower, middle, upper = (curve.load_where(log_wanted) for curve in self.parts)
-            return replace(middle, low=min(lower.low, middle.value), high=max(upper.high, middle.value))
+        if self.of_seal is not None:
+            value, low, high = (self._load_of_seal(log_wanted, part) for part in PARTS)
+            if closes := self.closing.closed_from * (1.0 - 2.0 * REACHED) <= value < math.inf:
+                value = self.closing.closed_from
+            return LoadReading(value, min(low, value), max(high, value, self.begins), closes)
         x, y = self._logs
         above = np.flatnonzero(y > log_wanted(x) + REACHED)  # a step that misses the value by less has it
         if not above.size:
@@ -165,6 +170,24 @@ class Curve:
         found = crossing(0.0)
         error = float(self._read(np.array([found]))[1][0])
         return LoadReading(math.exp(found), math.exp(crossing(-error)), math.exp(crossing(error)))
+
+    def _load_of_seal(self, log_wanted: Callable[[Array], Array], part: str) -> float:
+        """Return the load from which on a seal leaks at most a value, with one part of the readings of its patches.
+
+        The load is 0 if the seal leaks less at the first step, infinite if it leaks more at the last one.
+        """
+
+        def excess(log: float) -> float:
+            assert self.of_seal is not None
+            leak = float(self.of_seal(np.exp([log]), part)[0])
+            return math.log(max(leak, LEAST)) - float(log_wanted(np.array([log]))[0])
+
+        first, last = (math.log(self.pressure[k]) for k in (0, -1))
+        if excess(first) <= REACHED:  # a step that misses the value by less has it
+            return 0.0
+        if (at_last := excess(last)) > 0.0:
+            return math.inf if at_last > REACHED else math.exp(last)
+        return math.exp(float(scipy.optimize.brentq(excess, first, last, xtol=BISECTED)))
 
     @cached_property
     def _logs(self) -> tuple[Array, Array]:
@@ -296,8 +319,7 @@ def _of_seal(run: Dataset, tables: list[tuple[str, Dataset]], patch: Patch) -> C
     """Return the leak of a seal over the nominal pressure, at the steps of one surface within the sweeps of all.
 
     The ends are the largest first load and the smallest last load of the surfaces. Each leak is the median over sheets
-    of patches. The same patches are drawn at all steps. Where a patch closes between two steps, the leak is taken there
-    as well: a cubic through the leaks of the two steps may be off by a factor.
+    of patches at its load. The same patches are drawn at all loads.
     """
     ways = {axis: _of_surfaces(tables, axis) for axis in AXES}
     each = [curve for some in ways.values() for curve in some]
@@ -320,34 +342,19 @@ def _of_seal(run: Dataset, tables: list[tuple[str, Dataset]], patch: Patch) -> C
         end = _sheet_closes(tables, patch, np.array(loads))
     if end <= high and math.isfinite(end):  # a solved closing load is a closed step
         at_steps = np.append(at_steps[at_steps < end * (1.0 - REACHED)], max(end, low))
-    spans = [curve.closing for curve in each if curve.closing.closes]
-    shares = np.linspace(0.0, 1.0, CLOSING, endpoint=False)[1:]
-    between = [
-        before + shares * (after - before)
-        for before, after in itertools.pairwise(at_steps)
-        if any(span.open_up_to <= after * (1.0 + ONE_LOAD) and before < span.closed_from for span in spans)
-    ]
     starred = longest.starred[-1] / longest.pressure[-1]
     Sq = float(np.mean([curve.Sq for curve in along_flow]))
     of_each = patch.of_each([table for _, table in tables])
 
-    def seal(pressure: Array, part: str) -> Curve:
-        """Return the curve of the seal of one part of the readings of its patches."""
-        readings = [[getattr(curve.at(pressure), part) for curve in ways[axis]] for axis in AXES]
+    def leaks(pressures: Array, part: str) -> Array:
+        """Return the leaks of the seal, 0 where closed; NaN before the first load and beyond the last one."""
+        readings = [[getattr(curve.at(pressures), part) for curve in ways[axis]] for axis in AXES]
         values = of_each.conductances(np.transpose(readings), in_units=True)
-        draws = patch.draws_of_many
-        sheet = partial(conductance_of, patches=patch.patches, isotropic=isotropic, draws=draws)
-        found = [sheet(some[:, np.newaxis]).value for some in values]
-        leak = np.where(pressure < end * (1.0 - REACHED), found, 0.0) * patch.squares
-        return Curve(SEAL, pressure, leak, pressure * starred, Sq)
+        sheet = partial(conductance_of, patches=patch.patches, isotropic=isotropic, draws=patch.draws_of_many)
+        found = [sheet(some[:, np.newaxis]).value if np.isfinite(some).all() else math.nan for some in values]
+        return np.where(pressures < end * (1.0 - REACHED), found, 0.0) * patch.squares
 
-    middle = seal(np.sort(np.concatenate([at_steps, *between])), "value")
-    kept = np.isin(middle.pressure, at_steps)
-    outer = replace(middle, pressure=at_steps, leak=middle.leak[kept], starred=middle.starred[kept])
-    readings = [curve.at(at_steps) for curve in each]
-    if all(np.array_equal(reading.low, reading.high) for reading in readings):
-        return replace(outer, parts=(outer, middle, outer))
-    return replace(outer, parts=(seal(at_steps, "low"), middle, seal(at_steps, "high")))
+    return Curve(SEAL, at_steps, leaks(at_steps, "value"), at_steps * starred, Sq, leaks)
 
 
 def surfaces(run: Dataset) -> list[tuple[str, Dataset]]:
