@@ -59,7 +59,10 @@ ERRORS = 2.0  # standard errors within which x and y are alike
 ENDS = (0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE)
 LONGEST = 0.25  # largest variance of the waves as long as the map over that of the highest octave
 LEAKS = {"leak_rate": "seal_leak_rate", "gas_leak_rate": "seal_gas_leak_rate"}
-NO_LEAK = "no surface is pressed to this load, or the leak of a surface is known along one axis alone"
+NO_LEAK = (
+    "no surface is pressed to this load, the surfaces have different pressures there, or the leak of a surface is "
+    "known along one axis alone"
+)
 NO_ROLL_OFF = (
     "no roll-off is found: the longest waves of the patch are among the highest, longer waves are missing, and no "
     "patch is representative of the seal"

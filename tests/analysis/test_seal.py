@@ -455,6 +455,14 @@ def test_a_seal_has_no_known_leak_beyond_a_sweep_that_ended_closed_along_one_axi
     assert "no surface is pressed to this load" in card_text.seal(of_seal)
 
 
+def test_patches_at_different_pressures_make_no_seal(tmp_path: Path) -> None:
+    """As at one contact area, or at one p* of maps of different Sq."""
+    card, of_seal = _card(BOTH, "contact_area=0.1", tmp_path)
+    assert np.ptp([one.nominal_pressure for one in card.surfaces]) > 0.0
+    assert np.isnan([of_seal.leak, of_seal.gas_leak, *of_seal.interval]).all()
+    assert "the surfaces have different pressures there" in card_text.seal(of_seal)
+
+
 def test_a_seal_is_not_known_to_be_closed_where_the_sweep_of_a_patch_ended_open(tmp_path: Path) -> None:
     """Along the flow one patch is closed. The sweep of the other patch ended before, as its way across closed."""
     surface = "surface: {D: 2.3, m: 4, L: 0.5 mm, Sq: 0.5 um, seeds: [10, 11], sides: mirrored}"

@@ -123,6 +123,10 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     units = bool(flow.unit)
     isotropic = patch.is_isotropic(tables)
     leaks = np.array([[surface.leak(axis) for axis in AXES] for surface in fine])
+    loads = np.array([float(surface.table["Sq"][0]) * surface.number("mean_pressure") for surface in fine])
+    one_load = np.fmax.reduce(loads) <= (1.0 + seal.ONE_LOAD) * np.fmin.reduce(loads) or not leaks.any()
+    if not one_load:
+        leaks[:] = math.nan
     maps = seal.known_of(patch.conductances(leaks, in_units=units))
     quadrants = patch.conductances(_of_quadrants(fine[0]), in_units=units) if len(fine) == 1 else None
     shared = [part for part in flow.parts if part.name != "window"] if flow.leak.value > 0.0 else []
@@ -135,7 +139,7 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     gas_leak, gas_unit = math.nan, fine[0].unit(name := f"gas_{FLOW}")
     if name in fine[0].table:
         gases = np.array([[surface.leak(axis, name) for axis in AXES] for surface in fine])
-        gas_leak = seal.median(patch, gases, isotropic=isotropic)
+        gas_leak = seal.median(patch, gases, isotropic=isotropic) if one_load else math.nan
         gas = fine[0].table[name].attrs.get("gas", "the gas")
         throughput = f"{number(gas_leak, 3)} {gas_unit}"
         words += (f"leak of {gas}: {throughput}, the median of as many sheets; the interval is that of the liquid",)
