@@ -194,7 +194,11 @@ def test_the_study_of_a_small_map_has_a_unit_of_its_size(maps: None, unit: str, 
 
 def test_the_height_of_a_count_is_to_be_filled_in(here: Path) -> None:
     counts = np.rint(100.0 * np.random.default_rng(0).normal(size=(12, 12)) + 1000.0).astype("u2")
-    pytest.importorskip("tifffile").imwrite("counts.tif", counts)
+    tiff, size = pytest.importorskip("tifffile"), {"resolution": (2, 2), "metadata": {"unit": "um"}}
+    tiff.imwrite("counts.tif", counts)
+    tiff.imwrite("sized.tif", counts, imagej=True, **size)
+    said("init", "sized.tif")
+    assert "FILL IN, as 0.95 nm" in Path("sized.yaml").read_text(encoding="utf-8")
     assert "fill in surface.L and surface.heights_unit, which counts.tif does not give" in said("init", "counts.tif")
     section = yaml.safe_load(Path("counts.yaml").read_text(encoding="utf-8"))["surface"]
     assert section["heights_unit"] == "FILL IN, as 0.95 nm"

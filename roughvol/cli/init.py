@@ -125,7 +125,7 @@ def _write_study_of_map(path: Path, example: str, changes: Sequence[str]) -> Non
         return "\n".join([write({"name": name}).strip("{}\n"), f"{SIDES}\n{section.strip()}", *rest]) + "\n"
 
     absent: dict[str, str] = {}
-    while lacking := _lacking(study(absent), f"{name}.yaml", absent.keys() | given["surface"].keys()):
+    while lacking := _lacking(study(absent), f"{name}.yaml", given["surface"].keys(), absent):
         absent |= lacking
     if small := _small(study(absent), f"{name}.yaml", absent.keys() | given["surface"].keys()):
         given["surface"]["unit"] = READABLE
@@ -141,15 +141,16 @@ def _write_study_of_map(path: Path, example: str, changes: Sequence[str]) -> Non
     say(f"next: roughvol check {name}.yaml --look")
 
 
-def _lacking(study: str, file: str, known: Set[str]) -> dict[str, str]:
+def _lacking(study: str, file: str, given: Set[str], absent: Mapping[str, str]) -> dict[str, str]:
     """Return the keys of lengths, units and treatment that a study of a map lacks, with an example of each.
 
-    Keys that are known are not among them.
+    Keys that are given, or known to be absent, are not among them. Heights that are counts have the unit of a count.
     """
     from roughvol.campaign.case_surface import surface_of
     from roughvol.study import loads
     from roughvol.surfaces.files import reading
 
+    known = given | absent.keys()
     try:
         case = loads(study, file).cases()[0]
     except StudyError as error:
@@ -169,8 +170,8 @@ def _lacking(study: str, file: str, known: Set[str]) -> dict[str, str]:
     if not case.length_unit:
         return {"unit": TO_FILL_IN["unit"]}
     described = reading.describe(body.file, body.variable, columns=body.columns, ignore_header=ignored)
-    counts = body.numbers_in is None and described.counts
-    return {"heights_unit": COUNT} if counts and "heights_unit" not in known else {}
+    counts = described.counts and "heights_unit" not in given and absent.get("heights_unit") != COUNT
+    return {"heights_unit": COUNT} if counts else {}
 
 
 def _small(study: str, file: str, known: Set[str]) -> str:

@@ -306,6 +306,8 @@ def test_fig10_blackens_from_contact_to_everything(study: xr.Dataset, thresholds
     shares = thresholds or (0.0, 0.1, 0.25, 0.5, 1.0)
     gap = study["gap"].sel(D=2.3, m=5, seed=0).isel(field_at=0).values
     fig = FIGURES["fig10"](ds)
+    of_region = FIGURES["fig10"](ds.assign_attrs(region="y/L_y 0 to 0.5"))  # the panels show the whole map
+    assert ["in the region" in one.get_suptitle() for one in (fig, of_region)] == [False, True]
     panels = [np.asarray(axes.images[0].get_array()).T for axes in fig.axes]
     assert len(panels) == len(shares)
     for black, share in zip(panels, shares, strict=True):

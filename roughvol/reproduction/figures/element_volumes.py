@@ -22,7 +22,8 @@ def state(ds: Dataset, at: str, *variables: str) -> tuple[Dataset, str, str]:
     """Return the single case at its recorded state (along `at`) nearest to A* = 0.1, and both in words."""
     case, name = single(ds, *variables)
     chosen = paper_state(case, at)
-    return chosen, name, rf"$A^{{\ast}} = {float(chosen[A]):.3f}$, $p^{{\ast}} = {float(chosen[P]):.2f}$"
+    of_region = " in the region" * ("region" in ds.attrs)
+    return chosen, name, rf"$A^{{\ast}} = {float(chosen[A]):.3f}$, $p^{{\ast}} = {float(chosen[P]):.2f}${of_region}"
 
 
 def volumes(ds: Dataset) -> tuple[Dataset, Array, Mask, dict[str, Any], str]:
