@@ -76,14 +76,3 @@ def moment(spectrum: Spectrum, hurst: float, order: int) -> float:
 def slope_per_height(spectrum: Spectrum, hurst: float) -> float:
     """Return h'_rms/h_rms times L of the isotropic spectrum, 2π √(M₂/M₀) with `moment` M."""
     return 2.0 * math.pi * math.sqrt(moment(spectrum, hurst, 2) / moment(spectrum, hurst, 0))
-
-
-def density(spectrum: Spectrum, hurst: float, side: float, wave: float) -> float:
-    """Return the isotropic power spectral density of the law, C(q) with C0 = h_rms² L²/(2π M₀) and M₀ the `moment`."""
-    if not 1.0 <= wave < spectrum.cut:
-        return 0.0
-    height = spectrum.Sq
-    if spectrum.slope is not None:
-        height = spectrum.slope * side / slope_per_height(spectrum, hurst)
-    plateau = (height * side) ** 2 / (2.0 * math.pi * moment(spectrum, hurst, 0))
-    return float(plateau * max(wave / spectrum.rolloff, 1.0) ** (-2.0 - 2.0 * hurst))

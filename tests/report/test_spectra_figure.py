@@ -13,7 +13,7 @@ from roughvol.report.figures import content
 from roughvol.report.figures.registry import FIGURES
 from roughvol.store import dataset
 from roughvol.study import loads
-from roughvol.surfaces.spectrum import density
+from roughvol.surfaces.waves import density
 
 TEXT = """
 name: waves
@@ -49,7 +49,7 @@ def test_lines_are_the_means_of_the_finest_grid_and_the_law() -> None:
         np.testing.assert_allclose(line.get_ydata()[:11], wanted[:11])
         assert np.isnan(line.get_ydata()[-1])  # nothing but rounding beyond the cut
         spectrum = loads(TEXT).cases()[0].spectrum
-        np.testing.assert_allclose(law.get_ydata()[:11], [density(spectrum, 3 - D, 100.0, k) for k in range(1, 12)])
+        np.testing.assert_allclose(law.get_ydata()[:11], density(spectrum, 3 - D, 100.0, np.arange(1, 12)))
         np.testing.assert_allclose(law.get_ydata()[:10], wanted[:10], rtol=0.2)
     titles = [axes.get_legend().get_title().get_text() for axes in (left, right)]
     assert titles == ["$m = 5$; mean of 3 surfaces\ndashed: the law of the study", "$m = 5$; mean of 3 surfaces"]

@@ -13,7 +13,7 @@ from roughvol.report.figures.families import Family, families, named, several
 from roughvol.report.figures.style import GREY, PAGE, Drawing, axes, legend, marked, plain_ticks, unit_of
 from roughvol.store.variants import study_in
 from roughvol.study import SpectralSurface
-from roughvol.surfaces.spectrum import density
+from roughvol.surfaces.waves import density
 from roughvol.typing import Array
 
 ROUNDING = 1e-24  # of the largest density: waves beyond L/λ_s are zero but for rounding
@@ -42,7 +42,7 @@ def psd(ds: Dataset) -> Drawing:
                 lacking = lacking if bool(reached.all()) else ", where all surfaces reach it"
                 lines = ax.loglog(wave, under, color=family.look["color"], ls=":", lw=1.3)
                 named(ax, lines, family, curve=f"{family.label}, {loaded}")
-        if asked := _asked(ds, family, wave):
+        if (asked := _asked(ds, family, wave)).size:
             law = "dashed: the law of the study"
             lines = left.loglog(wave, asked, color=GREY, ls="--", lw=0.8, zorder=0)
             named(left, lines, family, curve=f"{family.label}, law of the study")
@@ -82,11 +82,10 @@ def _loaded_at(ds: Dataset) -> str:
     return "end of the sweep" if kind == "last" else f"{kind.replace('_', ' ')} {value}"
 
 
-def _asked(ds: Dataset, family: Family, wave: Array) -> list[float]:
+def _asked(ds: Dataset, family: Family, wave: Array) -> Array:
     """Return the law that a study asks for at the waves, empty without one."""
     study = study_in(ds)
     if study is None or not isinstance(study.surface, SpectralSurface) or study.surface.anisotropy > 1.0:
-        return []
-    spectrum, side = study.surface.spectrum, float(ds["L"])
-    values = [density(spectrum, 3.0 - family.value, side, float(k)) for k in wave]
-    return [value or float("nan") for value in values]
+        return np.empty(0)
+    values = density(study.surface.spectrum, 3.0 - family.value, float(ds["L"]), wave)
+    return np.where(values > 0.0, values, np.nan)
