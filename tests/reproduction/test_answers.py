@@ -4,10 +4,12 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from roughvol.analysis.stored_run import Run
 from roughvol.ensemble import design, step_error
+from roughvol.ensemble.multilevel import quantile
 from roughvol.report.run_facts import facts
 from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.ensemble_means import HEAD, answers
@@ -56,6 +58,22 @@ def test_the_exponent_of_the_area_is_that_of_its_last_levels(results: Dataset) -
     (row,) = [row for row in found.rows if row[0].startswith("n > 0") and row[0].endswith("D = 2.9")]
     means = results.contact_area_fraction_level_mean.sel(D=2.9, ensemble_at="pressure=0.1").values
     assert math.isclose(float(row[1]), math.log2(means[-2] / means[-1]), rel_tol=1e-3)
+
+
+def test_ten_common_seeds_scatter_about_the_ratio_of_two_levels(results: Dataset) -> None:
+    coarse, noise = np.random.default_rng(1).standard_normal((2, 100_000))
+    coarse, fine = 0.2 + 0.05 * coarse, 0.1 + 0.01 * coarse + 0.005 * noise
+    step, related = np.std(fine - fine.mean() / coarse.mean() * coarse), np.corrcoef(coarse, fine)[0, 1]
+    changed = results.copy(deep=True)
+    levels = {"mean": (0.2, 0.1), "variance": (coarse.var(), fine.var()), "correlation": (np.nan, related)}
+    for name, values in (levels | {"residual": (np.nan, (1.0 - related**2) * fine.var())}).items():
+        variable = changed[f"contact_area_fraction_level_{name}"].transpose("m", ...)
+        variable[-2:] = np.reshape(values, (2, 1, 1))
+    (found,) = answers([ClaimRun.of("trial", changed)])
+    (row,) = [row for row in found.rows if row[0].startswith("n > 0") and row[0].endswith("D = 2.9")]
+    low, high = map(float, row[2].split(" to "))
+    wanted = quantile(9.0) * step / math.sqrt(10.0) / (0.1 * math.log(2.0))
+    assert math.isclose(0.5 * (high - low), wanted, rel_tol=0.01)
 
 
 def test_the_report_has_every_sentence_of_an_ensemble(results: Dataset) -> None:

@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from xarray import Dataset
 
 from roughvol.ensemble.multilevel import half_width
@@ -131,8 +132,14 @@ def _mean_of(state: Dataset, name: str) -> _Mean:
 
 
 def _of_step(state: Dataset, name: str) -> tuple[float, float]:
-    """Return the half-widths of the last step in m: of ten common seeds, and of those of the ensemble."""
-    residual = float(state[f"{name}_level_residual"].isel(m=-1))
-    samples = max(float(state["ensemble_samples"].isel(m=-1)), 2.0)
-    scatter = math.sqrt(residual)
-    return half_width(scatter, FEW), half_width(scatter, samples)
+    """Return the half-widths of the last step in m: of ten common seeds, and of those of the ensemble.
+
+    The step is f/c, of the means f and c of both levels, and Y_f - (f/c) Y_c is its scatter: the residual about the
+    regression on the coarse level, and the difference between its slope and f/c.
+    """
+    (coarse, fine), variances = (state[f"{name}_level_{of}"].values[-2:] for of in ("mean", "variance"))
+    slope = np.nan_to_num(state[f"{name}_level_correlation"].values[-1]) * math.sqrt(variances[1])  # times σ_c
+    apart = abs(float(slope - fine / coarse * math.sqrt(variances[0])))
+    scatter = math.sqrt(float(state[f"{name}_level_residual"].isel(m=-1)))
+    many, few = np.maximum(state["ensemble_samples"].values[-2:], 2.0)
+    return half_width(math.hypot(scatter, apart), FEW), math.hypot(half_width(scatter, few), half_width(apart, many))
