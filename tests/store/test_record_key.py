@@ -24,6 +24,7 @@ def test_every_key_is_one_of_a_study_file() -> None:
         ("transmissivity_within", "record.region_widths.transmissivity"),
         ("gap", "record.fields_at"),
         ("heights", "record.heights"),
+        ("rms_slope", "record.psd"),
         ("mean_pressure", ""),
         ("separation", ""),
     ],
