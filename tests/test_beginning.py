@@ -1,8 +1,10 @@
 """The first hour: examples of the package, keys and variables in words, and the page made from them."""
 
+import errno
 import re
 import runpy
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -136,6 +138,12 @@ def test_init_that_cannot_write_one_file_leaves_none() -> None:
     blocked.mkdir()
     assert "cannot write scan.txt" in refused("init", "scan")
     assert list(Path().iterdir()) == [blocked]
+
+
+def test_init_on_a_read_only_disk_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    stamped_file.aside_of(Path("seal.yaml")).mkdir()
+    monkeypatch.setattr(Path, "unlink", Mock(side_effect=OSError(errno.EROFS, "Read-only file system")))
+    assert "error: cannot write seal.yaml" in refused("init", "seal")
 
 
 @pytest.mark.parametrize(

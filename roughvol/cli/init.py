@@ -97,8 +97,8 @@ def _write_new(files: Mapping[str, str]) -> None:
         for name, text in files.items():
             stamped_file.store(Path(name), text.encode())
     except FolderError:
-        for name in files:
-            Path(name).unlink(missing_ok=True)
+        for path in filter(Path.exists, map(Path, files)):  # on a read-only disk, to remove nothing fails too
+            path.unlink()
         raise
     for name in files:
         say(f"wrote {name}")
