@@ -117,7 +117,7 @@ def _write_study_of_map(path: Path, example: str, changes: Sequence[str]) -> Non
     if not any(change.startswith("surface.periodic") for change in changes):
         given["surface"]["sides"] = "mirrored"
     for change in changes:
-        set_key(given, {}, change)
+        set_key(given, change)
     rest = [line for line in example.splitlines() if not line.startswith(("#", "name:", "surface:"))]
 
     def study(keys: Mapping[str, str]) -> str:

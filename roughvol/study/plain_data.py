@@ -5,6 +5,7 @@ The rules are those of YAML 1.2: ``1e-8`` is a number, ``on`` is text. Anchors, 
 
 from __future__ import annotations
 
+import functools
 import math
 import os
 import re
@@ -92,10 +93,6 @@ class Reading:
             message = f"{self.form}, given {show(data)}"
             raise UnreadableError(message, None if node is None else node.start_mark.line + 1)
         return data
-
-    def places(self, file: str, arguments: Arguments | None = None) -> Places:
-        """Return the place of every key."""
-        return Places(file, {key_text(key): line for key, (line, _) in self.marks.items()}, arguments)
 
     def _build(self, node: Any, path: KeyPath) -> Any:
         self.marks.setdefault(path, (node.start_mark.line + 1, node.start_mark.column))
@@ -311,13 +308,24 @@ class Arguments:
 class Places:
     """Where the keys of a study stand: lines of a file, the option --set, or arguments of a call.
 
-    All are equal: they are no part of the identity of a study. ``changed`` has the keys and sections of --set.
+    All are equal: they are no part of the identity of a study. ``marks`` has line and column of each key, ``changed``
+    the keys and sections of --set.
     """
 
     file: str = field(default="", compare=False)
-    lines: Mapping[str, int] = field(default_factory=dict, compare=False)
+    marks: Mapping[KeyPath, tuple[int, int]] = field(default_factory=dict, compare=False)
     arguments: Arguments | None = field(default=None, compare=False)
     changed: tuple[str, ...] = field(default=(), compare=False)
+
+    def mark(self, key: KeyPath) -> tuple[int, int]:
+        """Return line and column of a key, or of the nearest mapping that holds it."""
+        while key and key not in self.marks:
+            key = key[:-1]
+        return self.marks.get(key, (1, 0))
+
+    @functools.cached_property
+    def _lines(self) -> dict[str, int]:
+        return {key_text(key): line for key, (line, _) in self.marks.items()}
 
     def of(self, problem: Problem) -> Problem:
         """Return a problem with its place. A missing key gets the line of its mapping."""
@@ -328,6 +336,6 @@ class Places:
             return replace(problem, file=CHANGES)
         if self.arguments is not None:
             return replace(problem, argument=self.arguments.of(problem.key))
-        while key and key not in self.lines:
+        while key and key not in self._lines:
             key = key.rpartition(".")[0]
-        return replace(problem, line=self.lines.get(key), file=self.file)
+        return replace(problem, line=self._lines.get(key), file=self.file)

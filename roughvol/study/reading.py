@@ -12,8 +12,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import ValidationError
-
 from roughvol.errors import CHANGES, Problem, RoughvolDeprecation, StudyError, warn
 from roughvol.study.former import renamed
 from roughvol.study.plain_data import (
@@ -21,6 +19,7 @@ from roughvol.study.plain_data import (
     STORED_BYTES,
     Arguments,
     KeyPath,
+    Places,
     Reading,
     UnreadableError,
     given,
@@ -37,7 +36,7 @@ from roughvol.study.python_data import changes_of, check_type, plain, refused
 from roughvol.study.sections.strict import names
 from roughvol.study.sections.surface import UNSAID
 from roughvol.study.study import Study
-from roughvol.study.validation import models_of, translated
+from roughvol.study.validation import models_of, read_as
 
 if TYPE_CHECKING:
     from roughvol.typing import Changes
@@ -222,35 +221,22 @@ def _study(
         raise refused(str(error), line=error.line, file=file) from error
     if of_run and changes:  # the study of a run names keys without a value, which exclude others
         data = given(data)
-    written = set(reading.marks)
-    changed = [set_key(data, reading.marks, change) for change in changes]
+    changed = [set_key(data, change) for change in changes]
+    made = {path[:depth] for path in changed for depth in range(1, len(path))} - reading.marks.keys()
+    places = Places(file, reading.marks, arguments, tuple(map(key_text, (*changed, *made))))
     problems = {**reading.problems, **(problems or {})}
     former = renamed(data, problems, changed, written=stored or of_run)
-    try:
-        name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)[:100].lstrip("-") or "study"
-        context = {"folder": path.parent, "stored": stored}
-        context |= {UNSAID: {"sides": "free"}} if stored or of_run else {}  # versions without the key had free patches
-        study = Study.model_validate({"name": name, **data}, context=context)
-    except ValidationError as error:
-        unread = list(problems)  # their values are None here, which is no fault of the mapping around
-        for key, message in translated(error, data, Study):
-            if not any(key == path[: len(key)] for path in unread):
-                problems.setdefault(key, message)
-        if not problems:  # a rule broken by rounding alone, as of 9007199254740993
-            problems[()] = error.errors()[0]["msg"]
-    places = reading.places(file, arguments)
-    made = {path[:depth] for path in changed for depth in range(1, len(path))} - written
-    places.changed = tuple(map(key_text, (*changed, *made)))
-    if problems:
-        in_order = sorted(problems, key=lambda key: _mark(reading.marks, key))
-        raise StudyError([places.of(Problem(problems[key], key_text(key))) for key in in_order])
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)[:100].lstrip("-") or "study"
+    context = {"folder": path.parent, "stored": stored}
+    context |= {UNSAID: {"sides": "free"}} if stored or of_run else {}  # versions without the key had free patches
+    study = read_as(Study, {"name": name, **data}, problems, places, context)
     study._places = places
     warn((str(places.of(problem)) for problem in former), RoughvolDeprecation)
     return study
 
 
-def set_key(data: dict[str, Any], marks: dict[KeyPath, tuple[int, int]], change: str) -> KeyPath:
-    """Set a key of plain data, as ``surface.m=6``, and return its path; it has the line of its mapping.
+def set_key(data: dict[str, Any], change: str) -> KeyPath:
+    """Set a key of plain data, as ``surface.m=6``, and return its path.
 
     ``null`` takes the key out: it has its default. An empty text stays a value, which may be an oversight.
     """
@@ -263,9 +249,6 @@ def set_key(data: dict[str, Any], marks: dict[KeyPath, tuple[int, int]], change:
             del held[keys[-1]]
     except ValueError as error:
         raise refused(str(error), key_text(keys), file=CHANGES) from error
-    for path in [path for path in marks if path[: len(keys)] == keys]:
-        del marks[path]
-    marks[keys] = _mark(marks, keys)
     return keys
 
 
@@ -283,10 +266,3 @@ def _key_and_value(change: str) -> tuple[KeyPath, Any]:
     if wrong := reading.problems:
         raise StudyError([Problem(wrong[path], key_text((*keys, *path[1:])), file=CHANGES) for path in wrong])
     return keys, value
-
-
-def _mark(marks: dict[KeyPath, tuple[int, int]], key: KeyPath) -> tuple[int, int]:
-    """Return line and column of a key, or of the nearest mapping that holds it."""
-    while key and key not in marks:
-        key = key[:-1]
-    return marks.get(key, (1, 0))

@@ -9,15 +9,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Self
 
-from pydantic import PrivateAttr, SerializationInfo, ValidationError, ValidationInfo, model_serializer, model_validator
+from pydantic import PrivateAttr, SerializationInfo, ValidationInfo, model_serializer, model_validator
 
-from roughvol.errors import Problem, RoughvolDeprecation, StudyError, warn
+from roughvol.errors import RoughvolDeprecation, StudyError, warn
 from roughvol.study import axes
 from roughvol.study.axes import Axis, Variant
 from roughvol.study.case import Case
 from roughvol.study.file import StudyFile
 from roughvol.study.former import renamed
-from roughvol.study.plain_data import KeyPath, Places, given, key_path, key_text, put, write
+from roughvol.study.plain_data import KeyPath, Places, given, key_path, put, write
 from roughvol.study.python_data import plain, refused
 from roughvol.study.rules import RULES
 from roughvol.study.sections.agreement import SAME, resolve
@@ -29,7 +29,7 @@ from roughvol.study.sections.solver import NamedKernel, Solver
 from roughvol.study.sections.strict import refuse_at
 from roughvol.study.sections.surface import GeneratedSurface, MadeSurface, SpectralSurface, first_finest
 from roughvol.study.sections.sweep import Legs, Sweep
-from roughvol.study.validation import translated, validated
+from roughvol.study.validation import read_as, validated
 
 
 class Study(StudyFile):
@@ -201,14 +201,8 @@ class Study(StudyFile):
                 raise refused(str(error), key) from error
         former = renamed(data, problems, [key_path(key) for key in keys])
         same_files = not any(set(key_path(key)) & {"file", "files", "against"} or key == "surface" for key in keys)
-        data = given(data)
-        try:
-            study = type(self).model_validate(data, context={"folder": Path(), "stored": same_files})
-        except ValidationError as error:
-            problems = dict(translated(error, data, type(self))) | problems
-        if problems:
-            with self.placing():
-                raise StudyError([Problem(text, key_text(path)) for path, text in problems.items()])
+        context = {"folder": Path(), "stored": same_files}
+        study = read_as(type(self), given(data), problems, self._places, context)
         study._places = self._places
         warn(map(str, former), RoughvolDeprecation)
         return study

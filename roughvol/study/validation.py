@@ -16,8 +16,8 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from roughvol.errors import meant, nearest_word, question
-from roughvol.study.plain_data import KeyPath, inline, key_text, number_text, show
+from roughvol.errors import Problem, StudyError, meant, nearest_word, question
+from roughvol.study.plain_data import KeyPath, Places, inline, key_text, number_text, show
 from roughvol.study.python_data import plain
 from roughvol.study.sections.height_file import ABSENT, is_absent
 from roughvol.study.sections.strict import models_in, names
@@ -51,6 +51,7 @@ _PLAIN = {
     "string_too_long": "must have at most {max_length} characters",
 }
 
+B = TypeVar("B", bound=BaseModel)
 S = TypeVar("S")
 Problems = Iterator[tuple[KeyPath, str]]
 
@@ -211,6 +212,25 @@ def translated(error: ValidationError, data: Any, study: type[BaseModel]) -> Ite
         # a misspelt key is not missing as well
         if path and path not in misspelt and not again:
             yield path, message
+
+
+def read_as(
+    record: type[B], data: Any, problems: dict[KeyPath, str], places: Places, context: dict[str, Any] | None = None
+) -> B:
+    """Return plain data as a record; a `StudyError` has its faults and the given problems, in the order of the file."""
+    try:
+        read = record.model_validate(data, context=context)
+    except ValidationError as error:
+        unread = list(problems)  # their values are None here, which is no fault of the mapping around
+        for key, message in translated(error, data, record):
+            if not any(key == path[: len(key)] for path in unread):
+                problems.setdefault(key, message)
+        if not problems:  # a rule broken by rounding alone, as of 9007199254740993
+            problems[()] = error.errors()[0]["msg"]
+    if problems:
+        in_order = sorted(problems, key=places.mark)
+        raise StudyError([places.of(Problem(problems[key], key_text(key))) for key in in_order])
+    return read
 
 
 def _about(path: KeyPath, known: Models) -> str:

@@ -28,14 +28,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
-from roughvol.errors import Problem, StudyError
-from roughvol.study.plain_data import Arguments, KeyPath, Reading, UnreadableError, key_text, printable, text_in, write
+from roughvol.study.plain_data import Arguments, KeyPath, Places, Reading, UnreadableError, printable, text_in, write
 from roughvol.study.python_data import check_type, plain, refused, text_of_value
 from roughvol.study.sections.material import ContactModulus, YoungPoisson
 from roughvol.study.sections.strict import Strict, optional
-from roughvol.study.validation import translated
+from roughvol.study.validation import read_as
 from roughvol.study.values.types import Positive, refuse
 from roughvol.study.values.units import In, Time, convert, in_unit, read, unit_of
 
@@ -208,15 +207,9 @@ def load_creep(given: str | Path | Mapping[str, Any]) -> Creep:
     try:
         text = write(plain(given, problems)) if isinstance(given, Mapping) else text_in(given, "the creep law")
         data = reading.read(text)
-        law = Creep.model_validate(data)
     except UnreadableError as error:
         raise refused(str(error), line=error.line, file=printable(file)) from error
-    except ValidationError as error:
-        problems = dict(translated(error, data, Creep)) | problems or {(): error.errors()[0]["msg"]}
-    if problems := problems | reading.problems:
-        places = reading.places(file, arguments)
-        raise StudyError([places.of(Problem(text, key_text(key))) for key, text in problems.items()])
-    return law
+    return read_as(Creep, data, problems | reading.problems, Places(file, reading.marks, arguments))
 
 
 def read_times(times: Any) -> list[float]:
