@@ -229,12 +229,11 @@ def _or_list(schema: dict[str, Any], *, optional: bool) -> dict[str, Any]:
     return {**kept, "anyOf": [*forms, {"type": "array", "items": items, "minItems": 1}]}
 
 
-def write_lists(data: dict[str, Any], of: Sequence[Axis], sections: Sequence[Mapping[str, Any]], context: Any) -> None:
-    """Put the lists of a study in place of their first items, in its plain data."""
-    for axis, along in zip(of, _along(sections, [len(axis.labels) for axis in of]), strict=True):
+def write_lists(data: dict[str, Any], of: Sequence[Axis], studies: Sequence[Any], context: Any) -> None:
+    """Put the lists of a study in place of their first items, in its plain data; ``studies`` are all combinations."""
+    for axis, along in zip(of, _along(studies, [len(axis.labels) for axis in of]), strict=True):
         section, *key = AXES[axis.name]
-        chosen = [changed[section] for changed in along]
-        items = [model.model_dump(mode="json", context=context) for model in chosen]
+        items = [getattr(study, section).model_dump(mode="json", context=context) for study in along]
         if key:
             data[section][key[0]] = [item.get(key[0]) for item in items]
         else:
@@ -263,14 +262,10 @@ def spelled_as(data: Any, other: Any) -> dict[str, Any]:
     return found
 
 
-def variants_of(study: S, of: Sequence[Axis], sections: Sequence[Mapping[str, Any]]) -> tuple[Variant[S], ...]:
-    """Return the studies of all combinations; the study itself without lists."""
+def variants_of(of: Sequence[Axis], studies: Sequence[S]) -> tuple[Variant[S], ...]:
+    """Return the studies of all combinations with their labels."""
     made = []
-    for labels, changed in zip(itertools.product(*(axis.labels for axis in of)), sections or ({},), strict=True):
-        variant: Any = study
-        if changed:
-            variant = variant.model_copy(update=dict(changed))
-            variant._axes, variant._sections = (), ()
+    for labels, study in zip(itertools.product(*(axis.labels for axis in of)), studies, strict=True):
         words = ", ".join(map(Axis.words, of, labels))
-        made.append(Variant({axis.name: label for axis, label in zip(of, labels, strict=True)}, words, variant))
+        made.append(Variant({axis.name: label for axis, label in zip(of, labels, strict=True)}, words, study))
     return tuple(made)

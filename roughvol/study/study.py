@@ -37,7 +37,7 @@ class Study(StudyFile):
 
     _places: Places = PrivateAttr(default_factory=Places)
     _axes: tuple[Axis, ...] = PrivateAttr(default=())
-    _sections: tuple[dict[str, Any], ...] = PrivateAttr(default=())  # that differ, for each combination of the lists
+    _combined: tuple[Study, ...] = PrivateAttr(default=())  # the study of each combination of the lists
 
     @model_validator(mode="wrap")
     @classmethod
@@ -50,19 +50,18 @@ class Study(StudyFile):
         if not isinstance(data, dict) or not axes.lists(data):
             return read_one(data)
         found, made = axes.read(data, read_one)
-        first: Study = made[0]
-        if first.ensemble is not None:
+        whole: Study = made[0].model_copy()
+        if whole.ensemble is not None:
             for name, items in axes.lists(data).items():
                 refuse_at(axes.AXES[name], items, "an ensemble takes one value")
-        first._axes, names = found, {axes.AXES[axis.name][0] for axis in found}
-        first._sections = tuple({name: getattr(study, name) for name in names} for study in made)
-        return first
+        whole._axes, whole._combined = found, tuple(made)
+        return whole
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: Any, info: SerializationInfo) -> dict[str, Any]:
         """Write lists; leave out the seeds and the tolerance where an ensemble decides them."""
         data: dict[str, Any] = handler(self)
-        axes.write_lists(data, self._axes, self._sections, info.context)
+        axes.write_lists(data, self._axes, self._combined, info.context)
         data = {name: value for name, value in data.items() if value is not None or name == "ensemble"}
         if self.ensemble is not None:
             data["surface"].pop("seeds", None)
@@ -86,7 +85,9 @@ class Study(StudyFile):
     @property
     def variants(self) -> tuple[Variant[Study], ...]:
         """The studies of all combinations of the lists, the last list fastest; without lists the study itself."""
-        return axes.variants_of(self, self._axes, self._sections)
+        for study in self._combined:
+            study._places = self._places
+        return axes.variants_of(self._axes, self._combined or (self,))
 
     def cases(self) -> tuple[Case, ...]:
         """Return the product over D, m and seeds, seeds fastest; each height file is one case.
