@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from roughvol.study.sections.solver import NamedKernel
 from roughvol.study.sections.strict import Strict, default, optional
-from roughvol.study.values.types import refuse
 from roughvol.study.values.units import Conductivity, Length, Pressure, in_unit, unit_of
 
 PoissonRatio = Annotated[float, Field(gt=-1, le=0.5)]
@@ -108,12 +107,6 @@ class YoungPoisson(Material):
             return None
         thickness = ("thickness", in_unit(self.thickness, length_unit))
         return NamedKernel("layer", (thickness,), (("nu", self.nu), ("elements", float(solver == "love"))))
-
-    @model_validator(mode="after")
-    def _one_layer(self) -> YoungPoisson:
-        if self.thickness is not None and self.against is not None:
-            refuse("thickness: a layer is pressed by a rigid surface; allowed: thickness, or against")
-        return self
 
 
 def tag_material(value: Any) -> str:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from roughvol.study.sections.strict import Choice, Strict, default, optional
-from roughvol.study.values.types import refuse
 
 ACCURACY = {"draft": 1e-3, "standard": 1e-6, "reference": 1e-9}
 """Bound of the residual η/σ for each accuracy."""
@@ -90,11 +89,3 @@ class Solver(Strict):
     def pressure_error(self) -> float | None:
         """Bound of the relative error of p*; None without one."""
         return self.max_error.mean_pressure if self.max_error else None
-
-    @model_validator(mode="after")
-    def _one_of(self) -> Solver:
-        if self.max_error is not None and (self.rtol is not None or self.accuracy != "standard"):
-            refuse("give only one of accuracy, rtol and max_error")
-        if self.max_error is not None and self.method == "paper" and self.max_error.mean_pressure is not None:
-            refuse("max_error.mean_pressure needs method fast")
-        return self
