@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import shlex
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -22,6 +21,7 @@ from typing import TYPE_CHECKING
 from roughvol.errors import DatasetError, FolderError, Problem, StudyError, SurfaceError, nearest_word, question
 from roughvol.store import run_folder, same_study, sample_plan
 from roughvol.study import HeightFile, Study, changes_of, check_type, load, loads
+from roughvol.study.plain_data import is_file
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -151,13 +151,13 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
     else:
         files = [Path(run), *(folder / RESULTS for folder in _folders(run))]
     call = _call(str(run), changes)
-    file = next((file for file in files if _is_file(file)), None)
+    file = next((file for file in files if is_file(file)), None)
     if file is None:
         raise _no_results(str(run), files, "" if given is None else call)
     try:
         results = dataset.read(file, saved=file.name != RESULTS)
     except DatasetError as error:
-        if file.name == RESULTS and _is_file(file.with_name("study.yaml")):
+        if file.name == RESULTS and is_file(file.with_name("study.yaml")):
             raise DatasetError(f"{error}; to make it anew: roughvol run {_word(file.parent)}") from error
         if file.suffix in DATASETS or not _is_map(file):
             raise
@@ -238,12 +238,12 @@ def study_of(run: str | Path, changes: Sequence[str] = (), *, stored: bool = Fal
         study = load(path, changes)
     except StudyError as error:
         whole = all(not problem.key for problem in error.problems)  # the file is no mapping
-        if whole and path.suffix not in STUDY_SUFFIXES and _is_file(path):
+        if whole and path.suffix not in STUDY_SUFFIXES and is_file(path):
             reason = "; ".join(problem.message for problem in error.problems)
             words = "a height map, no study" if _is_map(path) else f"{reason}. If it is a height map"
             problem = Problem(f"{words}: roughvol init {_word(path)} writes a study for it", file=str(path))
             raise StudyError([problem]) from error
-        if path.suffix not in STUDY_SUFFIXES and not _is_file(path):
+        if path.suffix not in STUDY_SUFFIXES and not is_file(path):
             looked_for = dict.fromkeys(map(str, (path, *(folder / "study.yaml" for folder in _folders(run)))))
             message = f"no study file and no run: looked for {', '.join(looked_for)}{_meant(run)}"
             raise StudyError([Problem(message)]) from error
@@ -283,25 +283,25 @@ def _beside_heights(text: str, folder: Path) -> Path:
     except StudyError:
         return Path(name)
     files = [body.file for body in surface.bodies] if isinstance(surface, HeightFile) else []
-    return folder / name if files and all(_is_file(folder / file) for file in files) else Path(name)
+    return folder / name if files and all(is_file(folder / file) for file in files) else Path(name)
 
 
 def folder_of_run(run: str | Path) -> Path | None:
     """Return the folder of a run by folder, ``study.nc`` or name; None for the path of another file."""
-    if _is_file(Path(run)) and Path(run).name != RESULTS:
+    if is_file(Path(run)) and Path(run).name != RESULTS:
         return None
-    return next((folder for folder in _folders(run) if _is_file(folder / "study.yaml")), None)
+    return next((folder for folder in _folders(run) if is_file(folder / "study.yaml")), None)
 
 
 def is_study_file(run: str | Path) -> bool:
     """Return whether a path is a study file, by its suffix."""
-    return Path(run).suffix in STUDY_SUFFIXES and _is_file(Path(run))
+    return Path(run).suffix in STUDY_SUFFIXES and is_file(Path(run))
 
 
 def is_run(run: str | Path) -> bool:
     """Return whether a text leads to a study file, to results, or to the folder of a run."""
     files = (folder / name for folder in _folders(run) for name in (RESULTS, "study.yaml"))
-    return any(map(_is_file, (Path(run), *files)))
+    return any(map(is_file, (Path(run), *files)))
 
 
 def names_of(files: Sequence[Path]) -> list[str]:
@@ -336,7 +336,7 @@ def _folders(run: str | Path) -> Iterator[Path]:
 def _studies() -> list[Path]:
     """Return the ``study.yaml`` of the runs with results, that of the latest run last."""
     # every run writes study.yaml, also without a case to compute
-    studies = [folder / "study.yaml" for folder in with_results() if _is_file(folder / "study.yaml")]
+    studies = [folder / "study.yaml" for folder in with_results() if is_file(folder / "study.yaml")]
     return sorted(studies, key=lambda path: path.stat().st_mtime)
 
 
@@ -350,7 +350,7 @@ def _latest() -> Path:
 def _no_results(run: str, files: Sequence[Path], call: str) -> DatasetError:
     """Return the error for a run without results; ``call`` computes those of a study."""
     for folder in (file.parent for file in files if file.name == RESULTS):
-        if _is_file(folder / "study.yaml"):
+        if is_file(folder / "study.yaml"):
             see = f"roughvol status {_word(folder)}"
             return DatasetError(f"{folder} has no {RESULTS}: its run has not ended; see: {see}")
     hint = f"; to compute them: roughvol run {call}" if call else _meant(run)
@@ -418,7 +418,7 @@ def _changed_heights(results: Dataset, cases: Iterable[Case], absent: Sequence[s
 
 def check_heights(study: Study, run: str | Path) -> None:
     """Refuse the study of a run if the content of its height files has changed; a study file may have any heights."""
-    folder = next((folder for folder in _folders(run) if _is_file(folder / RESULTS)), None)
+    folder = next((folder for folder in _folders(run) if is_file(folder / RESULTS)), None)
     if folder is None or is_study_file(run) or not isinstance(study.surface, HeightFile):
         return
     from roughvol.store import dataset
@@ -466,7 +466,3 @@ def _word(path: Path) -> str:
 
 def _indented(lines: Sequence[str]) -> str:
     return "\n".join(f"  {line}" for line in lines)
-
-
-def _is_file(path: Path) -> bool:
-    return os.path.isfile(path)  # noqa: PTH113, no error of a name too long, of no access, or of a null character

@@ -62,7 +62,7 @@ def text_in(path: str | Path, what: str) -> str:
 
 
 def is_file(path: Path) -> bool:
-    """Return whether a file exists; no error of a name too long, or of a folder without access."""
+    """Return whether a file exists; no error of a name too long, of a null character, or of a folder without access."""
     return os.path.isfile(path)  # noqa: PTH113
 
 
