@@ -12,7 +12,6 @@ from roughvol.contact.halfspace import LEAST_PERIOD
 from roughvol.errors import ContactError, DatasetError, Problem, StudyError, SurfaceError
 from roughvol.observables import regions
 from roughvol.observables.own import register
-from roughvol.store import dimensional
 from roughvol.study import Case, MadeSurface, Study
 from roughvol.study.sections.seal import check_alike
 from roughvol.surfaces.surface import Surface, intervals
@@ -57,7 +56,6 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
     try:
         with study.placing():
             surface = None if here else _read_apart(study, files)
-            dimensional.check(case)
             surface = surface or surface_of(case)
             _check_shape(case)
             for other in others:

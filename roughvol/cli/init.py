@@ -155,6 +155,7 @@ def _lacking(study: str, file: str, given: Set[str], absent: Mapping[str, str]) 
         case = loads(study, file).cases()[0]
     except StudyError as error:
         keys = [problem.key.removeprefix("surface.") for problem in error.problems if "missing" in problem.message]
+        keys = keys or ["unit"] * any("the unit of length" in problem.message for problem in error.problems)
         examples = TO_FILL_IN | DECIDED
         if lacking := {key: examples[key] for key in keys if key in examples and key not in known}:
             return lacking
@@ -167,8 +168,6 @@ def _lacking(study: str, file: str, given: Set[str], absent: Mapping[str, str]) 
         if "surface.missing" in str(error) and "missing" not in known:
             return {"missing": DECIDED["missing"]}
         reading.read(body.file, body.variable, holes=True, columns=body.columns, ignore_header=ignored)
-    if not case.length_unit:
-        return {"unit": TO_FILL_IN["unit"]}
     described = reading.describe(body.file, body.variable, columns=body.columns, ignore_header=ignored)
     counts = described.counts and "heights_unit" not in given and absent.get("heights_unit") != COUNT
     return {"heights_unit": COUNT} if counts else {}

@@ -16,25 +16,13 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from roughvol.errors import Problem, StudyError
 from roughvol.observables.variables import AXES, HEIGHT_POWERS, VARIABLES
-from roughvol.study import Case, GeneratedSurface, Study, convert, throughput
+from roughvol.study import GeneratedSurface, Study, convert, throughput
 
 if TYPE_CHECKING:
     from xarray import Dataset, Variable
 
 LEAKS = ("leak_rate", "gas_leak_rate")
-
-
-def check(case: Case) -> None:
-    """Refuse a study of lengths in units if neither the study nor the height file gives the unit of length."""
-    wanted = case.record.dimensional
-    if wanted is None or case.length_unit is not None:
-        return
-    name = next((name for name in wanted.named if name != "pressure"), None)
-    if name is not None:
-        message = f"needs the unit of length, and {case.label} gives none: add surface: {{L: 100 um}}"
-        raise StudyError([Problem(message, f"record.dimensional.{name}")])
 
 
 def in_units(results: Dataset, study: Study, length_unit: str | None) -> Dataset:

@@ -19,7 +19,7 @@ from roughvol.study.file import StudyFile
 from roughvol.study.plain_data import KeyPath, number_text
 from roughvol.study.sections.dimensional import Dimensional
 from roughvol.study.sections.ensemble import AUTO_TO, CLOSING, FEWEST_LEVELS, RECORDED_BY, Accuracies
-from roughvol.study.sections.height_file import BARE_FORMATS, HEIGHT_FORMATS, HeightFile
+from roughvol.study.sections.height_file import HEIGHT_FORMATS, HeightFile
 from roughvol.study.sections.record import EVERY_STEP, Record, Region
 from roughvol.study.sections.solver import PAPER_MAX_M, FreeKernel, NamedKernel
 from roughvol.study.sections.strict import names
@@ -119,11 +119,6 @@ def _levels(study: StudyFile) -> list[tuple[KeyPath, Level]]:
     return [*study.record.levels(), *(study.ensemble.states() if study.ensemble is not None else ())]
 
 
-def _may_have_units(surface: HeightFile) -> bool:
-    """Return whether the files of a section are of formats with size and unit."""
-    return bool(surface.files) or any(Path(body.file).suffix.lower() not in BARE_FORMATS for body in surface.bodies)
-
-
 def _unloaded(level: Level) -> bool:
     """Return whether a state is without load."""
     return level.kind in ("pressure", "indentation") and level.value == 0.0
@@ -204,7 +199,7 @@ def _files(study: StudyFile) -> Problems:
         single = suffix in HEIGHT_FORMATS and suffix not in SEVERAL_ARRAYS and not (surface.files and body is surface)
         if single and body.variable is not None:
             yield (*place, "variable"), f"a {suffix} file holds one array without a name: omit 'variable'"
-    if surface.L is None and not _may_have_units(surface):
+    if surface.L is None and not surface.may_have_units:
         yield ("surface", "L"), f"missing, and the heights have no size ({HeightFile.model_fields['L'].description})"
 
 
@@ -275,7 +270,7 @@ def _units(study: StudyFile) -> Problems:
     surface, own = study.surface, unit_of(study.surface.L)
     if own is not None and surface.unit not in (None, own):
         yield ("surface", "unit"), f"L has a unit already ({surface.L}): omit 'unit'"
-    if surface.length_unit is not None or (isinstance(surface, HeightFile) and _may_have_units(surface)):
+    if surface.has_length:
         return
     lengths: list[tuple[KeyPath, Any]] = []
     for section in ("surface", "material"):

@@ -11,24 +11,22 @@ from typing import Any, Self
 
 from pydantic import PrivateAttr, SerializationInfo, ValidationInfo, model_serializer, model_validator
 
-from roughvol.errors import RoughvolDeprecation, StudyError, warn
+from roughvol.errors import Problem, RoughvolDeprecation, StudyError, warn
 from roughvol.study import axes
 from roughvol.study.axes import Axis, Variant
 from roughvol.study.case import Case
 from roughvol.study.file import StudyFile
 from roughvol.study.former import renamed
-from roughvol.study.plain_data import KeyPath, Places, given, key_path, put, write
+from roughvol.study.plain_data import KeyPath, Places, given, key_path, key_text, put, write
 from roughvol.study.python_data import plain, refused
 from roughvol.study.rules import RULES
 from roughvol.study.sections.agreement import SAME, resolve
 from roughvol.study.sections.ensemble import levels_below
 from roughvol.study.sections.fluid import Gas
 from roughvol.study.sections.height_file import HeightFile
-from roughvol.study.sections.record import Record
 from roughvol.study.sections.solver import NamedKernel, Solver
 from roughvol.study.sections.strict import refuse_at
 from roughvol.study.sections.surface import GeneratedSurface, MadeSurface, SpectralSurface, first_finest
-from roughvol.study.sections.sweep import Legs, Sweep
 from roughvol.study.validation import read_as, validated
 
 
@@ -152,7 +150,7 @@ class Study(StudyFile):
                 measured = resolve(scan)
                 unit = measured.length_unit
                 if unit is None:
-                    _need_length(self.sweep, self.record, str(scan.file))
+                    self._check_without_unit(scan)
                 L = found[0].L if found else measured.L
                 if found and (found[0].length_unit != unit or abs(L - measured.L) > SAME * L):
                     first = f"{found[0].label} has {L:.9g} {found[0].length_unit or 'of no unit'}"
@@ -166,17 +164,19 @@ class Study(StudyFile):
                 found.append(made)
         return tuple(found)
 
+    def _check_without_unit(self, scan: HeightFile) -> None:
+        """Refuse what needs the unit of length, which neither the study nor its files give."""
+        study = self.model_copy(update={"surface": scan.unitless()})
+        if problems := [Problem(text, key_text(path)) for rule in RULES for path, text in rule.problems(study)]:
+            raise StudyError(problems)
+
     def kernel(self, unit: str | None = None) -> NamedKernel:
         """Return the kernel of the material if it has a length, else of the solver; its lengths are in ``unit``."""
         return self.material.kernel(self.solver.kernel, unit) or NamedKernel(self.solver.kernel)
 
     def _gas(self, unit: str | None) -> Gas | None:
         """Return the gas whose flow is recorded, its mean free path in a unit of length."""
-        if self.fluid is None:
-            return None
-        if unit is None:
-            raise refused("needs the unit of length, and the file gives none: add surface: {L: 100 um}", "fluid")
-        return self.fluid.gas_in(unit)
+        return None if self.fluid is None or unit is None else self.fluid.gas_in(unit)
 
     @property
     def solving(self) -> Solver:
@@ -244,14 +244,6 @@ class Study(StudyFile):
 
     def _stored(self) -> dict[str, Any]:
         return self.model_dump(mode="json", context={"stored": True})
-
-
-def _need_length(sweep: Sweep | Legs, record: Record, file: str) -> None:
-    """Refuse states with a unit of length, or a load, on a surface whose file gives no unit."""
-    for (section, *_), level in (*sweep.states(), *record.levels()):
-        if level.lacking("Pa", None):
-            reason = f"needs the unit of length, and {Path(file).name} gives none: add surface: {{L: 100 um}}"
-            raise refused(f"{level.label} {reason}", str(section))
 
 
 def json_schema() -> dict[str, Any]:

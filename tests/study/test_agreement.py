@@ -110,6 +110,21 @@ def test_what_a_file_contradicts_is_placed_in_the_study(tmp_path: Path) -> None:
     assert loads(study, tmp_path / "study.yaml") == loads("\n" + study, tmp_path / "study.yaml")
 
 
+@pytest.mark.parametrize(
+    ("rest", "key"),
+    [
+        ("material: {E: 10 MPa, nu: 0.3, thickness: 50 nm}", "material.thickness"),
+        ("sweep: {to: {mean_gap: 1 um}}", "sweep.to.mean_gap"),
+        ("record: {fields_at: {separation: 1 um}}", "record.fields_at.separation[0]"),
+        ("record: {dimensional: {mean_gap: um}}", "record.dimensional.mean_gap"),
+    ],
+)
+def test_a_length_with_a_unit_is_refused_beside_a_file_without_one(folder: Path, rest: str, key: str) -> None:
+    with pytest.raises(StudyError, match=re.escape(f"study.yaml:2: {key}: ")):
+        case_of(folder, "file: points.xyz, L: 100", rest)
+    assert case_of(folder, "file: points.xyz, L: 100 um", rest).length_unit == "um"
+
+
 def test_files_of_one_length_but_for_rounding_are_cases_of_one_length(folder: Path) -> None:
     for name, origin in (("near.xyz", 0.0), ("far.xyz", 17.3)):
         points = np.column_stack([origin + 0.1 * X, 0.1 * Y, HEIGHTS.ravel()])

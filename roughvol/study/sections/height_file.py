@@ -17,6 +17,7 @@ from pydantic import (
     ConfigDict,
     Field,
     PlainSerializer,
+    PrivateAttr,
     SerializationInfo,
     ValidationInfo,
     WithJsonSchema,
@@ -215,6 +216,7 @@ class HeightFile(Sized):
     )
     sides: Sides = default("mirrored", SIDES)
     against: CounterBody | None = optional("{file, variable, mirror}: second of two rough bodies; heights are added")
+    _unitless: bool = PrivateAttr(default=False)
 
     @model_validator(mode="before")
     @classmethod
@@ -250,9 +252,20 @@ class HeightFile(Sized):
         return tuple(self.model_copy(update={"file": file, "files": ()}) for file in self.files)
 
     @property
+    def may_have_units(self) -> bool:
+        """Whether the files are of formats with size and unit."""
+        return bool(self.files) or any(Path(body.file).suffix.lower() not in BARE_FORMATS for body in self.bodies)
+
+    @property
     def has_length(self) -> bool:
-        """True: a file may have its own unit."""
-        return True
+        """Whether lengths have a unit, or may have that of a file."""
+        return self.length_unit is not None or (self.may_have_units and not self._unitless)
+
+    def unitless(self) -> HeightFile:
+        """Return the same section, of files that are known to have no unit."""
+        known = self.model_copy()
+        known._unitless = True
+        return known
 
     @property
     def bodies(self) -> tuple[HeightFile | CounterBody, ...]:
