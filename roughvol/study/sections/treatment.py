@@ -94,7 +94,7 @@ def settled(
         pixel = L / (nodes[0] if surface.periodic else nodes[0] - 1)
         lattices.append(Lattice(nodes, (pixel, pixel * (y / x))))
         check_pixels(lattices[-1], resample, body.file, unit)
-        if changed and nodes != lattices[0].shape:
+        if nodes != lattices[0].shape:
             first = f"{lattices[0].shape}, as in {surface.file}"
             raise refused(f"{body.file} has {nodes} nodes; allowed: {first}", "surface.against.file")
     if changed and surface.periodic and any(nodes % downsample for nodes in lattices[0].shape):
