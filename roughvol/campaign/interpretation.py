@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from roughvol.campaign.case_surface import surface_of
 from roughvol.observables import void
-from roughvol.study import STARRED, Case, ContactModulus, Level, MadeSurface, Study
+from roughvol.study import STARRED, Case, Level, MadeSurface, Study
 from roughvol.study.plain_data import number_text
 from roughvol.study.sections import treatment
 from roughvol.study.sections.ensemble import WIDEST
@@ -129,10 +129,9 @@ def sentences(
         return found
     ends = [min(heights), max(heights)]
     material, fluid = study.material, study.record.fluid_pressure
-    modulus = "E_star" if isinstance(material, ContactModulus) else "E"
     scales = [material.contact_modulus * end / L for end in ends]
     pressures = _bare(study, "pressure")
-    if pressures and (material.unit is not None or getattr(material, modulus) != 1.0):
+    if pressures and (material.unit is not None or getattr(material, material.MODULUS) != 1.0):
         found.append(_pressures(study, "pressure", pressures, scales, about))
     hardness = material.indentation_hardness if material.plastic else None
     if pressures and hardness is not None and pressures[-1] * min(scales) > hardness:
@@ -162,7 +161,7 @@ def _pressures(study: Study, kind: str, values: Sequence[float], scales: Sequenc
     """Return the sentence on pressures, with their nominal values: starred ones times E* Sq/L."""
     text, unit, wanted = _listed(kind, values), study.material.unit, study.record.dimensional
     if unit is None:
-        name = "E_star" if isinstance(study.material, ContactModulus) else "E"
+        name = study.material.MODULUS
         return (
             f"{text}, that is {about}{_range(values, scales)} in the unit of {name}; "
             f"for a nominal pressure give both with units, as {name}: 10 MPa and 0.1 MPa"

@@ -170,12 +170,9 @@ class Creep(Strict):
 
     def _modulus_at_once(self, material: ContactModulus | YoungPoisson) -> float:
         """Return the modulus of the body that creeps, as the study has it [Pa]."""
-        if isinstance(material, ContactModulus):
-            own = material.E_star
-        elif self.body == "second" and material.against is not None:
+        own = getattr(material, material.MODULUS)
+        if isinstance(material, YoungPoisson) and self.body == "second" and material.against is not None:
             own = material.against.E
-        else:
-            own = material.E
         unit = unit_of(own) or material.unit
         if unit is None or self.body == "both":
             _refuse("moduli are those of one body whose modulus has a unit; allowed: ratios", "table.moduli")

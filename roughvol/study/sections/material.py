@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field
 
@@ -21,6 +21,9 @@ _CONDUCTIVITY = "[k1, k2]: conductivities of elastic half spaces, > 0, as [50 W/
 class Material(Strict):
     """What both forms of the section have in common."""
 
+    MODULUS: ClassVar[str]
+    """Key of the modulus."""
+
     if TYPE_CHECKING:  # fields of both forms, which follow their moduli
         hardness: float | None = None
         plastic: bool = True
@@ -28,7 +31,7 @@ class Material(Strict):
     @property
     def unit(self) -> str | None:
         """Unit of the modulus, None for an arbitrary one."""
-        raise NotImplementedError
+        return unit_of(getattr(self, self.MODULUS))
 
     @property
     def indentation_hardness(self) -> float | None:
@@ -51,6 +54,8 @@ class Material(Strict):
 class ContactModulus(Material):
     """The material by its contact modulus E*; starred results of elastic contact do not depend on it."""
 
+    MODULUS = "E_star"
+
     E_star: Pressure = default(1.0, "contact modulus E/(1-nu^2), > 0, as 1 or 100 GPa")
     hardness: Pressure | None = optional(_HARDNESS)
     plastic: bool = default(True, _PLASTIC)
@@ -60,11 +65,6 @@ class ContactModulus(Material):
     def contact_modulus(self) -> float:
         """E*, in the unit of the study."""
         return float(self.E_star)
-
-    @property
-    def unit(self) -> str | None:
-        """Unit of the modulus, None for an arbitrary one."""
-        return unit_of(self.E_star)
 
 
 class CounterMaterial(Strict):
@@ -76,6 +76,8 @@ class CounterMaterial(Strict):
 
 class YoungPoisson(Material):
     """The material by Young's modulus and Poisson's ratio, against a rigid plane or another elastic body."""
+
+    MODULUS = "E"
 
     E: Pressure = Field(description="Young's modulus, > 0, as 1 or 210 GPa")
     nu: PoissonRatio = Field(description="Poisson's ratio, -1 < nu <= 0.5")
@@ -95,11 +97,6 @@ class YoungPoisson(Material):
             return own
         other = float(in_unit(self.against.E, self.unit)) / (1 - self.against.nu**2)
         return 1 / (1 / own + 1 / other)
-
-    @property
-    def unit(self) -> str | None:
-        """Unit of the modulus, None for an arbitrary one."""
-        return unit_of(self.E)
 
     def kernel(self, solver: str, length_unit: str | None) -> NamedKernel | None:
         """Return the kernel of a layer; None for a half space."""
