@@ -19,7 +19,6 @@ from roughvol.study.file import StudyFile
 from roughvol.study.plain_data import KeyPath, given, inline, number_text, show
 from roughvol.study.sections.record import INTERIOR
 from roughvol.study.sections.strict import models_in, refuse_at
-from roughvol.study.sections.sweep import Leg
 from roughvol.study.validation import details_of
 from roughvol.study.values.units import Quantity, convert, same
 
@@ -201,7 +200,7 @@ def listable(schema: dict[str, Any]) -> dict[str, Any]:
     """Return the JSON schema of a study with a list allowed at each axis."""
     models, sections = schema["$defs"], schema["properties"]
     for name, (section, *rest) in AXES.items():
-        forms = [form for form in models_in(StudyFile.model_fields[section].annotation) if form is not Leg]
+        forms = dict.fromkeys(models_in(StudyFile.model_fields[section].annotation))
         holders = [models[form.__name__]["properties"] for form in forms] if rest else [sections]
         key = rest[0] if rest else section
         for holder in holders:

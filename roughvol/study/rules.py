@@ -337,17 +337,24 @@ def _legs(study: StudyFile) -> Problems:
     for path, leg in legs:
         if leg.equal == "log pressure" and (leg.steps == 0 or _unloaded(leg.target)):
             yield (*path, "equal"), "equal ratios of pressure need steps, and an end > 0"
+        if several and leg.steps == 0:
+            yield (*path, "steps"), "must be >= 1 on a leg of a path, given 0"
     (path, leg), *_ = legs
     if leg.first is not None and leg.steps > 1 and leg.target.kind == "pressure":
         unit, last = unit_of(leg.first), leg.target.value or 0.0
         if (unit_of(last) is None) == (unit is None) and not in_unit(leg.first, unit) < in_unit(last, unit):
             yield (*path, "first"), "must be below the pressure of the last step"
+    if (first := next(leg.states(path), None)) and _unloaded(first[1]):
+        yield first[0], "must be > 0 on the first leg, which begins at first touch"
     if not several:
+        for one, other in itertools.pairwise((leg.listed or ())[:2]):
+            falls, kind = in_unit(other.value or 0.0, unit_of(one.value)) < (one.value or 0.0), STATE_KINDS[one.kind]
+            if falls != kind.falls:
+                way = f"must {'fall' if kind.falls else 'rise'} from value to value, as on loading"
+                yield (*path, kind.plural, 1), f"{way}, given {other.written}; a list of legs also unloads"
         return
     if study.ensemble is not None:
         yield ("sweep",), "an ensemble takes one sweep, {steps, to}, and no list of legs"
-    if (first := next(legs[0][1].states(legs[0][0]), None)) and _unloaded(first[1]):
-        yield first[0], "must be > 0 on the first leg, which begins at first touch"
     for (_, before), (path, leg) in itertools.pairwise(legs):
         if leg.equal == "log pressure" and _unloaded(before.target):
             yield (*path, "equal"), "equal ratios of pressure need a begin > 0, and the leg before ends at 0"

@@ -236,9 +236,7 @@ def read_as(
 def _about(path: KeyPath, known: Models) -> str:
     """Return the description of a key in brackets, empty without one."""
     *section, name = [part for part in path if isinstance(part, str)] or [""]
-    models = known.get(tuple(section), ())
-    of_a_leg = len(path) > 1 and isinstance(path[1], int)  # its models follow those of a sweep without legs
-    fields = (model.model_fields.get(name) for model in (reversed(models) if of_a_leg else models))
+    fields = (model.model_fields.get(name) for model in known.get(tuple(section), ()))
     return next((f" ({field.description})" for field in fields if field), "")
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     ConfigDict,
@@ -27,8 +27,6 @@ from roughvol.study.sections.strict import Choice, Strict, default, optional, re
 from roughvol.study.values.state_kinds import LISTS, OF_ALL, STATE_KINDS, Level, Starred
 from roughvol.study.values.types import AS_TUPLE, WHOLE, AreaFraction, Many, Positive, StepNumber, Word, refuse
 from roughvol.study.values.units import Flow, Gap, In, Length, Load, Position, Pressure, in_unit, text_of, unit_of
-
-T = TypeVar("T")
 
 
 def levels_of(quantity: str) -> Any:
@@ -97,6 +95,9 @@ class Select(Levels):
 Selector = Annotated[Select, Word("last")]
 IN_WORDS = "'last', or levels of step, contact_area, pressure, separation, indentation, free_volume, mean_gap, load"
 
+FallenLength = Annotated[float, Field(ge=0), In("length")]  # a leg that unloads may end at 0
+FallenPressure = Annotated[float, Field(ge=0), In("pressure")]
+
 
 class Target(Choice):
     """The last state of a sweep, by a starred value, or by one with its unit."""
@@ -104,9 +105,9 @@ class Target(Choice):
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
     percolation: Literal["x", "y", "both"] | None = optional("end without an open way along 'x', 'y' or 'both'")
-    indentation: Length | None = optional("end at this Δ/σ > 0, or Δ as 2 um")
+    indentation: FallenLength | None = optional("end at this Δ/σ > 0, or Δ as 2 um; 0 on a later leg: no contact")
     contact_area: AreaFraction | None = optional("end at this A*, 0 < A* <= 1")
-    pressure: Pressure | None = optional("end at this p* > 0, or p as 0.5 MPa")
+    pressure: FallenPressure | None = optional("end at this p* > 0, or p as 0.5 MPa; 0 on a later leg: no contact")
     separation: Position | None = optional("end at this d/σ, negative beyond the mean plane, or d as 0.5 um")
     free_volume: Positive | None = optional("end at this V* > 0, which falls on loading")
     mean_gap: Gap | None = optional("end at this mean gap > 0, as 1 um")
@@ -140,7 +141,7 @@ def _tag_to(value: Any) -> str:
 
 End = Annotated[
     Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
-    | Annotated[T, Word(PERCOLATION, (("percolation", "both"),), PLANES), Tag("<state>")],
+    | Annotated[Target, Word(PERCOLATION, (("percolation", "both"),), PLANES), Tag("<state>")],
     Discriminator(_tag_to),
 ]
 _ENDS = (
@@ -150,29 +151,29 @@ _ENDS = (
 )
 
 
-def _check_order(levels: Sequence[Any], *, either: bool) -> None:
-    """Refuse listed levels out of order, or of which only some have a unit. With ``either`` they may also unload."""
+def _check_order(levels: Sequence[Any]) -> None:
+    """Refuse listed levels that neither rise nor fall, or of which only some have a unit."""
     kind, given = STATE_KINDS[levels[0].kind], [level.value for level in levels]
     unit = unit_of(given[0])
     if any((unit_of(value) is None) != (unit is None) for value in given):
         refuse_at((kind.plural,), given, "either all values have a unit, or none")
     values = [in_unit(value, unit) for value in given]
-    falls = values[:2] != sorted(values[:2]) if either else kind.falls
-    rule = f"must {'fall' if falls else 'rise'} from value to value, as on loading; a list of legs also unloads"
-    if either:
-        rule = "must rise or fall from value to value: give each way as a leg of its own"
+    falls = values[:2] != sorted(values[:2])
+    rule = "must rise or fall from value to value: give each way as a leg of its own"
     for index, (one, other) in enumerate(itertools.pairwise(values), start=1):
         if not (one > other if falls else one < other):
             refuse_at((kind.plural, index), text_of(given[index]), rule)
 
 
 class Sweep(Strict):
-    """Number of equal steps of indentation, and the last state."""
+    """Number of equal steps of indentation, and the last state; a leg of a path begins at the end of the leg before."""
 
     steps: Annotated[int, Field(ge=0, le=10_000), WHOLE] = default(
-        60, "number of equal steps of indentation, 0 to 10000; 0: no contact; 20 in an ensemble without steps"
+        60,
+        "number of equal steps of indentation, 0 to 10000, of a leg from 1 on; 0: no contact; 20 in an ensemble "
+        "without steps",
     )
-    to: End[Target] = default("mean-plane", _ENDS)
+    to: End = default("mean-plane", _ENDS)
     equal: Literal["indentation", "pressure", "log pressure"] = default(
         "indentation", "equal steps of 'indentation', 'pressure', or 'log pressure' (equal ratios from 'first')"
     )
@@ -180,10 +181,10 @@ class Sweep(Strict):
         "p* or pressure of the first step on the first leg, with equal: log pressure; default: that of the "
         "last step over 1000"
     )
-    pressures: Many[Pressure] = _listed("p* > 0 or pressures as 0.1 MPa")
+    pressures: Many[FallenPressure] = _listed("p* > 0, on a later leg 0 too, or pressures as 0.1 MPa")
     loads: Many[Load] = _listed("loads on the whole surface, as 20 N", f"; {OF_ALL}")
     contact_areas: Many[AreaFraction] = _listed("A*")
-    indentations: Many[Length] = _listed("Δ/σ or lengths")
+    indentations: Many[FallenLength] = _listed("Δ/σ > 0, on a later leg 0 too, or lengths")
     separations: Many[Position] = _listed("falling d/σ or lengths")
     free_volumes: Many[Positive] = _listed("falling V*")
     mean_gaps: Many[Gap] = _listed("falling mean gaps, as 1 um")
@@ -207,7 +208,7 @@ class Sweep(Strict):
     @model_validator(mode="after")
     def _in_order(self) -> Sweep:
         if self.listed is not None:
-            _check_order(self.listed, either=isinstance(self, Leg))
+            _check_order(self.listed)
         if self.first is not None and self.equal != "log pressure":
             refuse("'first' needs equal: log pressure")
         return self
@@ -273,35 +274,16 @@ class Sweep(Strict):
         return self.steps - 1 if self.target.same(level) else None
 
 
-Fallen = Annotated[float, Field(ge=0)]
-
-
-class LegTarget(Target):
-    """The last state of a leg. Indentation and pressure may fall to zero."""
-
-    indentation: Annotated[Fallen, In("length")] | None = optional("end at this Δ/σ >= 0, or Δ as 2 um")
-    pressure: Annotated[Fallen, In("pressure")] | None = optional("end at this p* >= 0, or p as 0.5 MPa; 0: no contact")
-
-
-class Leg(Sweep):
-    """A leg of a path: number of equal steps of indentation from the end of the leg before, and the last state."""
-
-    steps: Annotated[int, Field(ge=1, le=10_000), WHOLE] = default(60, "equal steps of indentation, 1 to 10000")
-    to: End[LegTarget] = default("mean-plane", _ENDS)
-    pressures: Many[Annotated[Fallen, In("pressure")]] = _listed("p* >= 0 or pressures as 0.1 MPa")
-    indentations: Many[Annotated[Fallen, In("length")]] = _listed("Δ/σ >= 0 or lengths")
-
-
-class Legs(RootModel[tuple[Leg, ...]]):
+class Legs(RootModel[tuple[Sweep, ...]]):
     """A path of legs, up and down."""
 
     model_config = ConfigDict(strict=True, frozen=True)
-    root: Annotated[tuple[Leg, ...], AS_TUPLE, Field(min_length=1, max_length=100)] = Field(
+    root: Annotated[tuple[Sweep, ...], AS_TUPLE, Field(min_length=1, max_length=100)] = Field(
         description="list of legs {steps, to}, each from the end of the one before"
     )
 
     @property
-    def legs(self) -> tuple[Leg, ...]:
+    def legs(self) -> tuple[Sweep, ...]:
         """The legs of the path."""
         return self.root
 
