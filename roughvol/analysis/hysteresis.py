@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,10 @@ from roughvol.study import Level
 
 FLOW, VOLUME = "transmissivity", "free_volume"
 QUANTITIES = (f"{FLOW}_x", f"{FLOW}_y", VOLUME, "contact_area_fraction")  # the flow is T* V*³
-SHARES = (0.25, 0.5, 0.75, 1.0)  # of the largest pressure that both have
+SHARES = (0.25, 0.5, 0.75, 1.0)  # of the largest pressure that all curves have
+
+Curves = Sequence[tuple[Run, Dataset, int]]
+"""Runs, each with a group of surfaces along ``seed``, and a leg."""
 
 
 @dataclass(frozen=True)
@@ -54,16 +57,10 @@ def hysteresis(run: Run, group: Dataset, several: str = "") -> Iterator[Table]:
     legs = legs_of(group)
     if len(legs) < 2:
         return
-    group = _with_flow(group)
-    curves = {leg: along(spread(group), leg) for leg in legs}
-    names = [name for name in QUANTITIES if all(name in c and bool(c[name].notnull().any()) for c in curves.values())]
-    top = _top(curves.values())
-    rows = []
-    for share in SHARES:
-        states = [_at(run, group, leg, share * top) for leg in legs]
-        for name in names:
-            values = _of_one_set([_by_seed(state, name) for state in states])
-            rows.append((number(share * top), _symbol(curves[legs[0]], name), *(_one(name, value) for value in values)))
+    rows = [
+        (pressure, symbol, *(_one(name, values) for values in of_legs))
+        for pressure, symbol, name, of_legs in _at_equal_pressures([(run, group, leg) for leg in legs])
+    ]
     title = "On every leg of the path" + (f", {several}" if several else "")
     note = (
         "At equal p*, interpolated between steps. Means over the surfaces that have a number on every leg shown, of "
@@ -104,32 +101,36 @@ def _by_group(elastic: Run, plastic: Run) -> Iterator[Comparison]:
     several = len(elastic.D) * len(elastic.m) > 1
     for name in (name for name in hard if name in soft):
         seeds = np.intersect1d(hard[name]["seed"], soft[name]["seed"])
-        pair = [(run, _with_flow(some[name].sel(seed=seeds))) for run, some in ((elastic, hard), (plastic, soft))]
+        pair = [(run, some[name].sel(seed=seeds), 1) for run, some in ((elastic, hard), (plastic, soft))]
         if seeds.size and (rows := tuple(_rows(pair))):
             yield Comparison(elastic.name, plastic.name, name if several else "", rows)
 
 
-def _rows(pair: Sequence[tuple[Run, Dataset]]) -> Iterator[tuple[str, ...]]:
-    """Yield the quantities of elastic contact and of contact that yields, at shares of the largest common pressure."""
-    hard, soft = (along(spread(group), 1) for _, group in pair)
-    top = _top((hard, soft))
+def _rows(pair: Curves) -> Iterator[tuple[str, ...]]:
+    """Yield the quantities of elastic contact and of contact that yields, and their ratio."""
+    for pressure, symbol, name, both in _at_equal_pressures(pair):
+        if not all(both):
+            continue
+        pairs = np.transpose(both)
+        open_ = pairs[(pairs > 0.0).all(axis=1)]
+        ratio = float(np.exp(np.mean(np.log(open_[:, 0] / open_[:, 1])))) if open_.size else np.nan
+        yield pressure, symbol, *(_one(name, side) for side in both), number(ratio), f"{len(open_)} of {len(pairs)}"
+
+
+def _at_equal_pressures(curves: Curves) -> Iterator[tuple[str, str, str, list[list[float]]]]:
+    """Yield p*, symbol, name and numbers of each quantity, curve by curve, at shares of the largest common p*.
+
+    The numbers are those of the surfaces that have a number on every curve with numbers, in the order of the seeds.
+    """
+    curves = [(run, _with_flow(group), leg) for run, group, leg in curves]
+    steps = [along(spread(group), leg) for _, group, leg in curves]
+    names = [name for name in QUANTITIES if all(name in ds and bool(ds[name].notnull().any()) for ds in steps)]
+    top = min(float(np.nanmin(ds[P].max("step").values)) for ds in steps)  # that all surfaces reach
     for share in SHARES:
-        states = [_at(run, group, 1, share * top) for run, group in pair]
-        for name in (name for name in QUANTITIES if name in soft and name in hard):
-            first, second = (_by_seed(state, name) for state in states)
-            both = np.array([(first[seed], second[seed]) for seed in first if seed in second]).reshape(-1, 2)
-            both = both[np.isfinite(both).all(axis=1)]
-            if not both.size:
-                continue
-            open_ = both[(both > 0.0).all(axis=1)]
-            ratio = np.exp(np.mean(np.log(open_[:, 0] / open_[:, 1]))) if open_.size else np.nan
-            yield (
-                number(share * top),
-                _symbol(soft, name),
-                *(_one(name, values) for values in both.T),
-                number(float(ratio)),
-                f"{len(open_)} of {len(both)}",
-            )
+        states = [_at(run, group, leg, share * top) for run, group, leg in curves]
+        for name in names:
+            symbol = str(steps[0][name].attrs.get("symbol", name))
+            yield number(share * top), symbol, name, _of_one_set([_by_seed(state, name) for state in states])
 
 
 def _with_flow(group: Dataset) -> Dataset:
@@ -140,11 +141,6 @@ def _with_flow(group: Dataset) -> Dataset:
             flow = group[f"{at}{FLOW}"] * group[f"{at}{VOLUME}"] ** 3
             flows[f"{at}{FLOW}"] = flow.assign_attrs(symbol="leak along i, T_i* V*³")
     return group.assign(flows)
-
-
-def _top(curves: Iterable[Dataset]) -> float:
-    """Return the largest p* that all surfaces reach on all curves."""
-    return min(float(np.nanmin(curve[P].max("step").values)) for curve in curves)
 
 
 def _at(run: Run, group: Dataset, leg: int, pressure: float) -> Dataset | None:
@@ -164,16 +160,12 @@ def _by_seed(state: Dataset | None, name: str) -> dict[int, float]:
     return dict(zip(seeds, state[name].values.tolist(), strict=True))
 
 
-def _of_one_set(legs: Sequence[dict[int, float]]) -> list[list[float]]:
-    """Return the numbers, leg by leg, of the surfaces that have a number on every leg with numbers."""
-    known = [{seed: value for seed, value in leg.items() if np.isfinite(value)} for leg in legs]
-    shared = set.intersection(*found) if (found := [set(leg) for leg in known if leg]) else set()
-    return [[value for seed, value in leg.items() if seed in shared] for leg in known]
+def _of_one_set(curves: Sequence[dict[int, float]]) -> list[list[float]]:
+    """Return the numbers, curve by curve, of the surfaces that have a number on every curve with numbers."""
+    known = [{seed: value for seed, value in curve.items() if np.isfinite(value)} for curve in curves]
+    shared = set.intersection(*found) if (found := [set(curve) for curve in known if curve]) else set()
+    return [[curve[seed] for seed in sorted(shared)] if curve else [] for curve in known]
 
 
 def _one(name: str, values: ArrayLike) -> str:
     return number(average(name, values).value)
-
-
-def _symbol(ds: Dataset, name: str) -> str:
-    return str(ds[name].attrs.get("symbol", name))
