@@ -17,7 +17,9 @@ from matplotlib.transforms import Bbox
 import roughvol
 from roughvol.analysis import seal
 from roughvol.analysis.average import average
-from roughvol.analysis.leak_card import Card, Closing, Part, Way
+from roughvol.analysis.closing import Closing
+from roughvol.analysis.leak_card import Card, Way
+from roughvol.analysis.parts import Part
 from roughvol.analysis.tables import number
 from roughvol.campaign import card as card_runs
 from roughvol.campaign.case_surface import surface_of

@@ -10,6 +10,7 @@ Room of the analysis. It reads datasets, solves no contact, and draws nothing.
 `at`           the states of stored surfaces at a load, on a step or between two
 `average`      the one number of several surfaces: convention, range, counts
 `closing`      the loads between which the last way closes
+`parts`        the parts of the error of a leak or of a closing load
 `legs`         legs of a path in a dataset
 `units`        Sq in the unit of L, starred numbers, several runs in the units of the first
 `hysteresis`   leak up and down a path, and with yield against without

@@ -1,4 +1,4 @@
-"""The load at which the last way along an axis closes, surface by surface.
+"""The load at which the last way along an axis closes, surface by surface and of several surfaces.
 
 A study with ``record.transport.closing`` has the closing load solved. Elsewhere a way is known at its computed states
 alone. The last way then closes between the last state with an open way and the next state, and both loads are given.
@@ -13,6 +13,8 @@ import numpy as np
 from xarray import Dataset
 
 from roughvol.analysis.leak import ways
+from roughvol.analysis.parts import Part, WithParts
+from roughvol.analysis.tables import number
 from roughvol.observables.variables import SOLVED
 from roughvol.typing import Array
 
@@ -85,3 +87,79 @@ def span_of(way: Array, loads: Array) -> Span | None:
     last = int(still[-1]) if still.size else -1
     below = float(loads[last]) if last >= 0 else 0.0
     return Span(below, float(loads[last + 1]) if last + 1 < loads.size else math.inf)
+
+
+@dataclass(frozen=True)
+class Closing(WithParts):
+    """The loads at which the last way of several surfaces closes, in ``unit`` (empty for p*).
+
+    ``spans`` are those of the surfaces whose way is followed. ``parts`` is the error budget of the mean load.
+    """
+
+    spans: tuple[Span, ...]
+    unit: str
+    parts: tuple[Part, ...] = ()
+
+    @property
+    def value(self) -> float:
+        """Mean of the loads over the surfaces; NaN unless all surfaces close."""
+        return float(np.mean(self.bracket))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Smallest and largest closing load by the budget; NaN if a part is not known."""
+        return self.value / self.smaller, self.value * self.factor
+
+    @property
+    def closed(self) -> tuple[Span, ...]:
+        """The surfaces whose way closes within their sweep."""
+        return tuple(span for span in self.spans if span.closes)
+
+    @property
+    def bracket(self) -> tuple[float, float]:
+        """Means of both ends over the surfaces; NaN unless all surfaces close."""
+        return _ends(self.spans) if self.spans and len(self.closed) == len(self.spans) else (math.nan, math.nan)
+
+    @property
+    def words(self) -> str:
+        """The loads in words."""
+        closed, still = self.closed, [span.open_up_to for span in self.spans if not span.closes]
+        if not self.spans:
+            return "not followed"
+        if not closed:
+            return f"open up to {self.load(max(still))}, the end of the sweep"
+        low, high = _ends(closed)
+        at = f"at {self.load(low)}" if low == high else f"between {self._range(low, high)}"
+        ends = self.interval
+        error = f", between {self._range(*ends)}" if all(map(math.isfinite, ends)) else ""
+        if self.parts and not error:
+            error = f", its error is not known ({self.unknown})"
+        if len(self.spans) == 1:
+            return f"{at}{error}"
+        if still:
+            count = f"{len(closed)} of {len(self.spans)} surfaces"
+            return f"{at} on {count}, open up to {self.load(max(still))} on the others"
+        first, last = min(span.open_up_to for span in closed), max(span.closed_from for span in closed)
+        return f"{at} in the mean{error}; the first surface above {self.load(first)}, the last below {self.load(last)}"
+
+    @property
+    def short(self) -> str:
+        """The loads in few words, from the last open step of the first surface to the first closed step of the last."""
+        if not self.closed:
+            return self.words.removesuffix(", the end of the sweep")
+        first, last = min(span.open_up_to for span in self.closed), max(span.closed_from for span in self.closed)
+        count = f"{len(self.closed)} of {len(self.spans)}: " if len(self.spans) > 1 else ""
+        return f"{count}{self.load(first) if first == last else self._range(first, last).replace(' and ', ' to ')}"
+
+    def _range(self, low: float, high: float) -> str:
+        """Return two loads in words, with one unit."""
+        return f"{self.load(low).removesuffix(f' {self.unit}')} and {self.load(high).removeprefix('p* = ')}"
+
+    def load(self, value: float) -> str:
+        """Return a load in ``unit`` in words, as ``0.5 MPa`` or ``p* = 0.3``."""
+        return f"{number(value)} {self.unit}" if self.unit else f"p* = {number(value)}"
+
+
+def _ends(spans: tuple[Span, ...]) -> tuple[float, float]:
+    """Return the means of both ends."""
+    return float(np.mean([span.open_up_to for span in spans])), float(np.mean([span.closed_from for span in spans]))

@@ -28,9 +28,10 @@ from roughvol.analysis import closing, leak, leak_curve
 from roughvol.analysis.at import check_load
 from roughvol.analysis.closing import Span
 from roughvol.analysis.derived import derived, is_pressed, lacks_states, nominal_pressure
-from roughvol.analysis.leak_card import Card, Part
+from roughvol.analysis.leak_card import Card
 from roughvol.analysis.leak_curve import Curve, LoadReading, axes, closings, curves, surfaces
 from roughvol.analysis.legs import legs_of
+from roughvol.analysis.parts import Part
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.units import scales, sigma
 from roughvol.errors import StudyError

@@ -36,8 +36,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from roughvol.analysis.leak import is_lifted
-from roughvol.analysis.leak_card import Part, together
 from roughvol.analysis.legs import first_leg
+from roughvol.analysis.parts import Part, together
 from roughvol.analysis.tables import number
 from roughvol.ensemble.multilevel import COVERAGE, half_width
 from roughvol.errors import DatasetError, StudyError

@@ -96,7 +96,8 @@ def brief(page: Page) -> Section:
     card = page.card
     length = f" {card.length_unit}" if card.length_unit else ""
     sizes = (
-        f"Sq {card_text.short(surface.Sq)}{length}, Sdq {card_text.short(surface.Sdq)}" for surface in card.surfaces
+        f"Sq {card_text.short(surface.number('Sq'))}{length}, Sdq {card_text.short(surface.number('Sdq'))}"
+        for surface in card.surfaces
     )
     surfaces = [("Surface", f"{surface.name}, {size}") for surface, size in zip(card.surfaces, sizes, strict=True)]
     found, _, exceeded = card_text.rests_on(page.fine)

@@ -191,15 +191,14 @@ def surfaces(card: Card) -> Table:
     """Return the surfaces of a card: name, Sq, load, leaks and closings."""
     numbers = {f"Sq{in_brackets(card.length_unit)}": "Sq", "Sdq": "Sdq", "p*": "mean_pressure"}
     numbers |= {f"p [{card.pressure_unit}]": "nominal_pressure"} if card.pressure_unit else {}
-    numbers |= {"A*": "contact_area", "V*": "free_volume"}
+    numbers |= {"A*": "contact_area_fraction", "V*": "free_volume"}
     flow = in_brackets(card.ways[0].unit) or " T* V*³"
     leaks, closings = [f"leak {way.axis}{flow}" for way in card.ways], [f"{way.axis} closes" for way in card.ways]
     rows = []
     for surface in card.surfaces:
-        values = (number(getattr(surface, name)) for name in numbers.values())
-        rows.append(
-            (surface.name, *values, *map(short, surface.leaks), *(closing.short for closing in surface.closings))
-        )
+        values = [number(surface.number(name)) for name in numbers.values()]
+        values += [short(surface.leak(axis)) for axis in AXES]
+        rows.append((surface.name, *values, *(surface.closing[axis].short for axis in AXES)))
     return Table("Surfaces", ("surface", *numbers, *leaks, *closings), tuple(rows))
 
 
@@ -253,11 +252,11 @@ def _state_facts(card: Card) -> Iterator[tuple[str, str]]:
     """Yield contact area and mean gap at the load of a card."""
     mean = "mean " if len(card.surfaces) > 1 else ""
     dry, gap = ", without fluid pressure" if card.lifted else "", ""
-    yield "Contact area A*", f"{mean}{number(card.mean('contact_area'))}{dry}"
+    yield "Contact area A*", f"{mean}{number(card.mean('contact_area_fraction'))}{dry}"
     if card.length_unit:
         unit = str(card.surfaces[0].table["mean_gap"].attrs["units"])
-        lengths = [surface.free_volume * surface.Sq for surface in card.surfaces if math.isfinite(surface.free_volume)]
-        lengths = [convert(length, card.length_unit, unit) for length in lengths]
+        lengths = [surface.number("free_volume") * surface.number("Sq") for surface in card.surfaces]
+        lengths = [convert(length, card.length_unit, unit) for length in lengths if math.isfinite(length)]
         gap = f", {number(sum(lengths) / len(lengths))} {unit_text(unit)}"
     yield "Mean gap V*", f"{mean}{number(card.mean('free_volume'))} σ{gap}{dry}"
 

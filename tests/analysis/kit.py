@@ -1,6 +1,8 @@
 """What the tests of leaks share: a study of rubber, and the parts of an error."""
 
-from roughvol.analysis.leak_card import Closing, Part, Way
+from roughvol.analysis.closing import Closing
+from roughvol.analysis.leak_card import Way
+from roughvol.analysis.parts import Part
 
 DIMENSIONAL = "dimensional: {pressure: MPa, leak_rate: {pressure_drop: 10 mbar, viscosity: 1 mPa*s, unit: mm^3/s}}"
 RUBBER = f"""name: seal

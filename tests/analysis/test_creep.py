@@ -15,7 +15,9 @@ from numpy.testing import assert_allclose
 
 from roughvol.analysis import creep
 from roughvol.analysis.average import average
-from roughvol.analysis.leak_card import Closing, Part, Way
+from roughvol.analysis.closing import Closing
+from roughvol.analysis.leak_card import Way
+from roughvol.analysis.parts import Part
 from roughvol.campaign import card as card_runs
 from roughvol.campaign import execution
 from roughvol.errors import StudyError

@@ -13,13 +13,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from roughvol.analysis.average import average
-from roughvol.analysis.closing import Span
+from roughvol.analysis.closing import Closing, Span
 from roughvol.analysis.derived import derived
 from roughvol.analysis.leak_budget import card_of, check_reached, grid
 from roughvol.analysis.leak_budget.grid import Finer
 from roughvol.analysis.leak_budget.state import surfaces_at_load
 from roughvol.analysis.leak_budget.window import window_part
-from roughvol.analysis.leak_card import Card, Closing, Part, Way
+from roughvol.analysis.leak_card import Card, Way
+from roughvol.analysis.parts import Part
 from roughvol.campaign import card as card_runs
 from roughvol.campaign import execution
 from roughvol.errors import DatasetError, StudyError
@@ -55,7 +56,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> CardRuns:
 
 
 def _leaks(card: Card, axis: str) -> np.ndarray:
-    return np.array([one.leaks["xy".index(axis)] for one in card.surfaces])
+    return np.array([one.leak(axis) for one in card.surfaces])
 
 
 def test_a_card_has_the_grid_twice_and_four_times_as_coarse(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -289,7 +290,7 @@ def _finer_than(heights: np.ndarray) -> Finer:
     for factor in (1, 2, 4):
         slope = texture.Sdq(block_means(heights, factor), float(factor))
         closing = Closing((Span(1.0, 1.0),), "")
-        grids.append(SimpleNamespace(table=Dataset({"Sdq": ("seed", [slope])}), closing={"x": closing, "y": closing}))
+        grids.append(SimpleNamespace(number={"Sdq": slope}.__getitem__, closing={"x": closing, "y": closing}))
     one, *others = grids
     return Finer.of(one, others)
 
@@ -303,7 +304,7 @@ def test_a_closed_way_leaks_at_most_what_it_does_at_the_far_end_of_its_closing_l
         assert way.parts == way.closing.parts
         low, high = way.closing.interval
         assert low < way.closing.value < high
-        at = card.surfaces[0].mean_pressure
+        at = card.surfaces[0].number("mean_pressure")
         lighter = _leak_of(text, at * way.closing.value / high, way.axis, tmp_path / way.axis)
         assert way.interval == (0.0, pytest.approx(lighter, rel=0.05))
         middles = [closing.value for closing in (way.closing, *(closing for _, closing in way.coarser))]

@@ -21,12 +21,12 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from threadpoolctl import threadpool_limits
 
-from roughvol.analysis.closing import Span
+from roughvol.analysis.closing import Closing, Span
 from roughvol.analysis.leak_budget.card import _at_most
 from roughvol.analysis.leak_budget.grid import Finer, grid_part, grid_part_of_load
 from roughvol.analysis.leak_budget.levelling import Levelled, levelling_part, levelling_part_of_load
 from roughvol.analysis.leak_budget.state import Loaded, curve_of
-from roughvol.analysis.leak_card import Closing, together
+from roughvol.analysis.parts import together
 from roughvol.analysis.stored_run import Run
 from roughvol.contact import HalfSpace, first_indentation, indentation_for
 from roughvol.contact.loading import Contact, sweep

@@ -12,7 +12,7 @@ import numpy as np
 from roughvol.analysis import seal
 from roughvol.analysis.at import state_at
 from roughvol.analysis.average import average
-from roughvol.analysis.closing import load_of
+from roughvol.analysis.closing import Closing, load_of
 from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.leak import is_lifted
 from roughvol.analysis.leak_budget.grid import NO_COARSER, Finer, grid_part, grid_part_of_load
@@ -32,7 +32,8 @@ from roughvol.analysis.leak_budget.state import (
     surfaces_at_load,
 )
 from roughvol.analysis.leak_budget.window import window_part, window_part_of_load
-from roughvol.analysis.leak_card import Beside, Card, Closing, Part, SealLeak, SurfaceAtLoad, Way, together
+from roughvol.analysis.leak_card import Beside, Card, SealLeak, Way
+from roughvol.analysis.parts import Part, together
 from roughvol.analysis.seal import Patch
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
@@ -94,7 +95,7 @@ def card_of(runs: Sequence[CardRuns], name: str, load: str) -> Card:
     return Card(
         title=name,
         load=load,
-        surfaces=tuple(_surface(surface) for surface in fine),
+        surfaces=tuple(fine),
         pressure_unit=ways[0].closing.unit,
         length_unit=str(fine[0].run.dataset.attrs.get("length_unit", "")),
         ways=ways,
@@ -193,22 +194,6 @@ def _of_quadrants(surface: Loaded) -> Array:
         flows = [flow_of(part, axis) for part in quarters(gap)] if gap.size else [0.0] * 4
         leaks.append(np.array(flows) * per_starred(surface, axis) if any(flows) else np.zeros(4))
     return np.stack(leaks, axis=1)
-
-
-def _surface(surface: Loaded) -> SurfaceAtLoad:
-    return SurfaceAtLoad(
-        name=surface.name,
-        Sq=float(surface.table["Sq"][0]),
-        Sdq=float(surface.table["Sdq"][0]),
-        mean_pressure=surface.number("mean_pressure"),
-        nominal_pressure=surface.number("nominal_pressure"),
-        contact_area=surface.number("contact_area_fraction"),
-        free_volume=surface.number("free_volume"),
-        leaks=tuple(surface.leak(axis) for axis in AXES),
-        closings=tuple(surface.closing[axis] for axis in AXES),
-        table=surface.fields,
-        recorded=surface.recorded,
-    )
 
 
 def _beside(fine: Sequence[Loaded]) -> Iterator[Beside]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from roughvol.analysis.leak_budget.state import Grids, Loaded, closing_of, leak_of, log_ratio, part_of_surfaces
-from roughvol.analysis.leak_card import Part
+from roughvol.analysis.parts import Part
 from roughvol.analysis.tables import number
 from roughvol.observables.variables import AXES
 
@@ -45,7 +45,7 @@ class Finer:
         closings = [(surface.closing[axis].value, others[0].closing[axis].value) for axis in AXES]
         changes = [abs(math.log(here / there)) for here, there in closings if math.isfinite(here) and there > 0.0]
         scatter = SCATTER * min(1.0, max(changes, default=ROUGH) / ROUGH)
-        slopes = [float(grid.table["Sdq"][0]) for grid in (surface, *others)]
+        slopes = [grid.number("Sdq") for grid in (surface, *others)]
         if not min(slopes) > 0.0:
             return cls(0.0, scatter)
         last, *before = (math.log(here / there) for here, there in itertools.pairwise(slopes))

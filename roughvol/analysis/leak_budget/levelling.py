@@ -10,7 +10,7 @@ import numpy as np
 
 from roughvol.analysis.leak import is_lifted
 from roughvol.analysis.leak_budget.state import Loaded, closing_of, log_of, log_ratio, part_of_surfaces
-from roughvol.analysis.leak_card import Part
+from roughvol.analysis.parts import Part
 from roughvol.analysis.tables import number
 
 

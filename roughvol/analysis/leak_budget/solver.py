@@ -10,7 +10,7 @@ import numpy as np
 from roughvol.analysis.average import average
 from roughvol.analysis.leak import STATE, is_lifted
 from roughvol.analysis.leak_budget.state import FLOW, Loaded, closing_of, flow_of, gap_of, leak_of, per_starred
-from roughvol.analysis.leak_card import Part
+from roughvol.analysis.parts import Part
 from roughvol.analysis.tables import number
 from roughvol.observables.coupling import ACCURACY, RTOL
 from roughvol.observables.levels import CLOSING

@@ -13,11 +13,11 @@ from xarray import Dataset
 
 from roughvol.analysis.at import LOAD_KINDS, state_at
 from roughvol.analysis.average import Average, average
-from roughvol.analysis.closing import Span, load_of, load_per_starred, spans
+from roughvol.analysis.closing import Closing, Span, load_of, load_per_starred, spans
 from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.leak import STATE, is_lifted
-from roughvol.analysis.leak_card import Closing, Part
 from roughvol.analysis.legs import first_leg
+from roughvol.analysis.parts import Part
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.units import scales
 from roughvol.errors import DatasetError
@@ -49,10 +49,11 @@ class Loaded:
     of_load: float = 1.0
 
     def number(self, name: str, axis: str = "") -> float:
-        """Return a number of the state, along an axis where it has a direction; NaN without one."""
-        if self.state is None or name not in self.state:
+        """Return Sq or Sdq, or a number of the state, along an axis where it has a direction; NaN without one."""
+        data = self.table if name in ("Sq", "Sdq") else self.state
+        if data is None or name not in data:
             return math.nan
-        value = self.state.variables[name].transpose("seed", ...).values[0]
+        value = data.variables[name].transpose("seed", ...).values[0]
         return float(value[AXES.index(axis)] if axis else value)
 
     def leak(self, axis: str, name: str = FLOW) -> float:
@@ -197,7 +198,7 @@ def comparable(runs: Sequence[Pressed], fine: Sequence[Loaded]) -> tuple[str, li
     surfaces = [surface for pressed in runs for surface in surfaces_at_load(pressed)]
     found = []
     for other, own in zip(surfaces, fine, strict=True):
-        ratio = float(other.table["Sq"][0]) / float(own.table["Sq"][0])
+        ratio = other.number("Sq") / own.number("Sq")
         of_leak = 1.0 if own.unit() else ratio**3
         of_load = ratio * own.run.L / other.run.L if load_of(own.table) == "mean_pressure" else 1.0
         found.append(replace(other, of_leak=of_leak, of_load=of_load))

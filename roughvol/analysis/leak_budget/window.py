@@ -10,7 +10,7 @@ import numpy as np
 from roughvol.analysis.closing import load_of
 from roughvol.analysis.leak import is_lifted
 from roughvol.analysis.leak_budget.state import Loaded, flow_of, gap_of, part_of_surfaces
-from roughvol.analysis.leak_card import Part
+from roughvol.analysis.parts import Part
 from roughvol.ensemble.multilevel import COVERAGE, half_width
 from roughvol.observables.void import quarters
 from roughvol.typing import Array

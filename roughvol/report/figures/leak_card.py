@@ -15,8 +15,8 @@ from xarray import Dataset, concat
 
 from roughvol.analysis.closing import LOADS
 from roughvol.analysis.leak import STATE
-from roughvol.analysis.leak_budget.state import gap_of
-from roughvol.analysis.leak_card import Card, SurfaceAtLoad
+from roughvol.analysis.leak_budget.state import Loaded, gap_of
+from roughvol.analysis.leak_card import Card
 from roughvol.analysis.legs import first_leg
 from roughvol.gap.transport import conduction
 from roughvol.observables.variables import AXES, SOLVED
@@ -67,7 +67,7 @@ def panels(card: Card) -> list[Panel]:
         surface, axis = shown
         name = f" on {surface.name}" if several else ""
         lifted = " under fluid pressure" if card.lifted else ""
-        open_ = surface.leaks[AXES.index(axis)] > 0.0
+        open_ = surface.leak(axis) > 0.0
         what = f"Flux along {axis} over its mean" if open_ else f"Closed along {axis}"
         found.append(Panel("flux", f"{what}{lifted}{name}; contact is blue.", partial(_flux_map, surface, axis)))
     if any(way.leak.value > 0.0 and any(part.known for part in way.parts) for way in card.ways):
@@ -145,7 +145,7 @@ def _family(card: Card) -> Family:
     dry = "_dry" if card.lifted else ""
     tables = []
     for surface in card.surfaces:
-        table = first_leg(surface.table)
+        table = first_leg(surface.fields)
         rate, starred = f"leak_rate{dry}", table[f"transmissivity{dry}"] * table["free_volume"] ** 3
         leak = table[rate] if rate in table and card.ways[0].unit else starred
         kept = [name for name in (*LOADS, SOLVED) if name in table]
@@ -165,7 +165,7 @@ def _load_name(card: Card) -> str:
 
 def _farthest(card: Card) -> float:
     """Return the load at which a longer bar is cut."""
-    steps = (float(np.nanmax(first_leg(surface.table)[_load_name(card)].values)) for surface in card.surfaces)
+    steps = (float(np.nanmax(surface.loading[_load_name(card)].values)) for surface in card.surfaces)
     loads = (*steps, _load(card), *(way.closing.value for way in card.ways))
     return FAR * max(filter(math.isfinite, loads))
 
@@ -177,7 +177,7 @@ def _load_label(card: Card) -> str:
 # where it leaks
 
 
-def _shown(card: Card) -> tuple[SurfaceAtLoad, str] | None:
+def _shown(card: Card) -> tuple[Loaded, str] | None:
     """Return the first surface with fields at the load, and the axis of its map: open ones if there are any.
 
     The axis is that of the flow through the seal.
@@ -186,20 +186,20 @@ def _shown(card: Card) -> tuple[SurfaceAtLoad, str] | None:
         surface for surface in card.surfaces if "gap" in surface.table and bool(_state(surface)["gap"].notnull().any())
     ]
     maps = [(surface, axis) for axis in (card.seal.flow if card.seal else AXES) for surface in kept]
-    return max(maps, key=lambda shown: shown[0].leaks[AXES.index(shown[1])] > 0.0, default=None)
+    return max(maps, key=lambda shown: shown[0].leak(shown[1]) > 0.0, default=None)
 
 
-def _state(surface: SurfaceAtLoad) -> Dataset:
-    return surface.table.sel(field_at=surface.recorded, flux_at=surface.recorded)
+def _state(surface: Loaded) -> Dataset:
+    return surface.fields.sel(field_at=surface.recorded, flux_at=surface.recorded)
 
 
-def _flux_map(surface: SurfaceAtLoad, axis: str, ax: Axes, card: Card) -> None:
+def _flux_map(surface: Loaded, axis: str, ax: Axes, card: Card) -> None:
     """Draw the flux along an axis over its mean on one surface, and the contact."""
     state = _state(surface).sel(axis=axis)
     flux, gap = (state[name].transpose("x", "y").values for name in ("flux", "gap"))
     if card.lifted:
         gap = state.sel({STATE: surface.recorded})["fluid_gap"].transpose("x", "y").values
-        inside, periodic = gap_of(surface.table, surface.recorded, axis)
+        inside, periodic = gap_of(surface.fields, surface.recorded, axis)
         along = conduction(inside, AXES.index(axis), periodic=periodic).flux
         flux = flux.copy()
         flux[np.isfinite(flux)] = np.hypot(*along).ravel()
