@@ -73,8 +73,8 @@ def provenance(
         attributes["periodic"] = "true"
     if case.length_unit:
         attributes["length_unit"] = case.length_unit
-    if case.surface_text:
-        attributes["surface"] = case.surface_text
+    if treated := dict.fromkeys(step for one in cases for step in one.surface_text.split("; ") if step):
+        attributes["surface"] = "; ".join(treated)
     if files := [{"file": body.file.name, "sha256": body.sha256} for one in cases for body in one.bodies]:
         attributes["height_files"] = json.dumps(files)
     if versions is not None:

@@ -8,7 +8,7 @@ import xarray as xr
 
 from roughvol.campaign import case_surface, one_case
 from roughvol.errors import SurfaceError
-from roughvol.store import dataset
+from roughvol.store import dataset, provenance
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from tests.campaign.kit import values_of
 from tests.study.kit import case_of
@@ -80,6 +80,14 @@ def test_units_and_treatment_are_in_the_file_of_the_case(folder):
     assert stored["filled_fraction"].item() == 4 / 81
     together = dataset.combine([stored], stored.attrs)
     assert together["Sq"].units == "um"
+
+
+def test_the_treatment_of_several_files_names_the_unit_of_each(folder):
+    for unit in ("um", "mm"):
+        np.savetxt(folder / f"{unit}.txt", FIRST, header=f"heights in {unit}")
+    cases = [_case(folder, f"file: {unit}.txt, unit: um, level: tilt") for unit in ("um", "mm")]
+    told = provenance.provenance("", fft={}, cases=cases)["surface"]
+    assert told.endswith("subtracted; numbers of um.txt are in um; numbers of mm.txt are in mm")
 
 
 @pytest.mark.parametrize(("keys", "cut_off"), [("unit: mm, low_pass: 800 um", "0.8 mm"), ("low_pass: 0.8", "0.8")])
