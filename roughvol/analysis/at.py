@@ -229,7 +229,9 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     recorded, steps = _label(run, group, level, leg), group["step"].values[on_leg]
     own = _recorded(group, level, recorded, steps)
     flows = {} if level.kind == "last" else leak.recorded(group, recorded, steps)
-    shut, crossings = leak.closed(part), _crossings(group, leg)
+    shut = leak.closed(part)
+    # solved loads p* at which ways of the leg close or open, shape (surfaces, axes)
+    crossings = np.transpose([solved_loads(group, axis, P, leg) for axis in group.indexes.get("axis", AXES)])
     beyond_closing = leg == 1 and level.kind in LOAD_KINDS
     is_load = level.kind in LOAD_KINDS or level.kind.startswith(LEAK)
     reached, places, beyond, alone = list[int](), list[float](), list[int](), list[int]()
@@ -287,11 +289,6 @@ def _inverse(data: Dataset) -> Dataset:
         return data
     with np.errstate(divide="ignore"):
         return data.assign({KNUDSEN: data[KNUDSEN].copy(data=1.0 / data[KNUDSEN].values)})
-
-
-def _crossings(group: Dataset, leg: int) -> Array:
-    """Return the solved loads p* at which ways of a leg close or open, shape (surfaces, axes); NaN without."""
-    return np.transpose([solved_loads(group, axis, P, leg) for axis in group.indexes.get("axis", AXES)])
 
 
 def _around(group: Dataset, name: str, reached: list[int], places: list[float]) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from roughvol.contact.options import Options
 from roughvol.contact.search import TARGETS, state_crossing, state_reaching
 from roughvol.errors import ContactError
 from roughvol.observables import void
-from roughvol.observables.pressures import largest_pressure
+from roughvol.observables.pressures import starred_hardness
 from roughvol.observables.regions import State, window, within
 from roughvol.study import STARRED, Case, Level
 from roughvol.study.values.state_kinds import REACHED, Starred, slack
@@ -93,7 +93,7 @@ def places_of(case: Case) -> list[tuple[int, int]]:
 
 def options_of(case: Case, surface: Surface) -> Options:
     """Return the options of the solver of a case."""
-    solver, hardness = case.solver, largest_pressure(case, surface)
+    solver, hardness = case.solver, starred_hardness(case, surface) if case.plastic else None
     return Options(solver.tolerance, solver.method, pressure_error=solver.pressure_error, hardness=hardness)
 
 

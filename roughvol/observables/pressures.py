@@ -19,11 +19,6 @@ def starred_hardness(case: Case, surface: Surface) -> float | None:
     return None if case.hardness is None else case.hardness * surface.side / (case.height or surface.unit)
 
 
-def largest_pressure(case: Case, surface: Surface) -> float | None:
-    """Return the largest pressure of a contact that yields, in the unit of p*; None in elastic contact."""
-    return starred_hardness(case, surface) if case.plastic else None
-
-
 def above_hardness(view: View) -> Values:
     """Return the shares above a hardness that is given for comparison alone."""
     hardness = None if view.case.plastic else starred_hardness(view.case, view.surface)

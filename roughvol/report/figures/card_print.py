@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import matplotlib as mpl
@@ -33,6 +34,10 @@ FEWER = (3, 1, 0)  # limits in the smallest type, where it does not fit
 CUT = "The rest is on the page of HTML."
 NAMES = 0.4  # largest share of a column that the names of facts take
 STEP = 2.0  # by which columns of a table are narrowed
+
+# in the type of the page
+wrapped = partial(style.wrapped, family=SANS["font.family"])
+width_of = partial(style.width_of, family=SANS["font.family"])
 
 
 class Piece(NamedTuple):
@@ -148,16 +153,16 @@ def _left(items: Sequence[object], most: int) -> list[str]:
 
 
 def _paragraph(text: str, width: float, size: float, weight: str = "normal") -> list[Line]:
-    return [Line(size, (Piece(0.0, row, weight),)) for row in wrapped(text, size, width, weight) if row]
+    return [Line(size, (Piece(0.0, row, weight),)) for row in wrapped(text, size, width, weight=weight) if row]
 
 
 def _facts(facts: Sequence[tuple[str, str]], width: float, size: float, name: Piece) -> list[Line]:
     """Return names and values of facts beside each other; the names look like a piece."""
-    widest = max(width_of(text, size, name.weight) for text, _ in facts) + size
+    widest = max(width_of(text, size, weight=name.weight) for text, _ in facts) + size
     place = min(widest, NAMES * width) if name.weight == "bold" else NAMES * width
     found = []
     for label, value in facts:
-        rows = wrapped(label, size, place - 0.5 * size, name.weight), wrapped(value, size, width - place)
+        rows = wrapped(label, size, place - 0.5 * size, weight=name.weight), wrapped(value, size, width - place)
         for left, right in itertools.zip_longest(*rows, fillvalue=""):
             found.append(Line(size, (name._replace(text=left), Piece(place, right))))
     return found
@@ -198,16 +203,3 @@ def _table(table: Table, width: float, size: float) -> list[Line]:
             look = {"colour": GREY} if number == 0 else {}
             found.append(Line(size, tuple(Piece(x, text, **look) for x, text in zip(starts, texts, strict=False))))
     return [*found, *(line for words in _left(table.rows, MOST) for line in _paragraph(words, width, size))]
-
-
-# lines of a width
-
-
-def wrapped(text: str, size: float, width: float, weight: str = "normal") -> list[str]:
-    """Return a text in lines of a width in the type of the page."""
-    return style.wrapped(text, size, width, SANS["font.family"], weight)
-
-
-def width_of(text: str, size: float, weight: str = "normal") -> float:
-    """Return the width of a text in the type of the page."""
-    return style.width_of(text, size, SANS["font.family"], weight)
