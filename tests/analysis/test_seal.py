@@ -460,7 +460,7 @@ def test_a_seal_has_no_known_leak_beyond_a_sweep_that_ended_closed_along_one_axi
 def test_patches_at_different_pressures_make_no_seal(tmp_path: Path) -> None:
     """As at one contact area, or at one p* of maps of different Sq."""
     card, of_seal = _card(BOTH, "contact_area=0.1", tmp_path)
-    assert np.ptp([one.nominal_pressure for one in card.surfaces]) > 0.0
+    assert np.ptp([one.number("nominal_pressure") for one in card.surfaces]) > 0.0
     assert np.isnan([of_seal.leak, of_seal.gas_leak, *of_seal.interval]).all()
     assert "the surfaces have different pressures there" in card_text.seal(of_seal)
 
