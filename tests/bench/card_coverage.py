@@ -213,8 +213,8 @@ class Solved(Loaded):
         return float(self.numbers["leak"][self.place]["xy".index(axis)])
 
     def number(self, name: str, axis: str = "") -> float:
-        """Return the load."""
-        return float(self.loads[self.place])
+        """Return the slope of the surface, or the load."""
+        return super().number(name) if name == "Sdq" else float(self.loads[self.place])
 
     @cached_property
     def closing(self) -> dict[str, Closing]:
