@@ -1,6 +1,7 @@
 """The claims: verdicts follow by rule, intervals cover, and planted truths and falsehoods are told apart."""
 
 import dataclasses
+import functools
 import json
 import math
 from pathlib import Path
@@ -15,6 +16,7 @@ from roughvol.gap.box_counting import box_counts
 from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims import ABSENT, CLAIMS, FAILS, HOLDS, QUALIFIED, Check, Claim, Evidence, Number, assess
 from roughvol.reproduction.claims import statistics as stats
+from roughvol.reproduction.claims.area_and_volume import _over_scatter
 from roughvol.reproduction.claims.density import pooled
 from roughvol.reproduction.claims.evidence import Lacking, area_slopes, at, slopes_of_area
 from roughvol.reproduction.claims.many_seeds import many_seeds
@@ -108,11 +110,20 @@ def test_an_interval_of_ten_covers_the_mean_or_one_more_as_often_as_it_says(inte
     assert covered == pytest.approx(0.95, abs=4 * math.sqrt(0.95 * 0.05 / 2000))
 
 
-def test_bootstrap_of_a_mean_is_near_the_t_interval_and_never_changes() -> None:
-    values = np.random.Generator(np.random.PCG64(3)).normal(0.0, 1.0, 200)
-    first, second = (stats.bootstrap("k", "", lambda draw: float(values[draw].mean()), 200) for _ in range(2))
-    assert first == second
-    assert first.high - first.low == pytest.approx(2 * 1.96 * values.std() / math.sqrt(200), rel=0.1)
+def test_the_jackknife_covers_a_band_over_the_scatter_as_often_as_it_says() -> None:
+    random = np.random.Generator(np.random.PCG64(3))
+    numbers = []
+    for common, own in zip(random.normal(size=(1000, 1, 10, 1)), random.normal(size=(1000, 3, 10, 1)), strict=True):
+        curves = np.reshape([0.9, 1.0, 1.1], (3, 1, 1)) + 0.1 * (math.sqrt(0.5) * (common + own))
+        numbers.append(stats.jackknife("k", "", functools.partial(_over_scatter, curves), 10))
+    assert np.mean([number.low <= 1.0 <= number.high for number in numbers]) == pytest.approx(0.95, abs=0.03)
+
+
+def test_the_jackknife_of_a_mean_is_near_the_t_interval() -> None:
+    values = np.random.Generator(np.random.PCG64(3)).normal(10.0, 1.0, 200)
+    found, wanted = stats.jackknife("k", "", lambda kept: float(values[kept].mean()), 200), stats.mean("k", "", values)
+    assert (found.low, found.high) == pytest.approx((wanted.low, wanted.high), rel=1e-3)
+    assert math.isnan(stats.jackknife("k", "", lambda kept: 0.0, 3).low)
 
 
 def test_one_surface_has_no_interval_and_nan_is_left_out() -> None:

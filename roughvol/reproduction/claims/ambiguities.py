@@ -18,7 +18,7 @@ from roughvol.reproduction.claims.area_and_volume import EXPONENT, EXPONENT_ROUN
 from roughvol.reproduction.claims.density import EDGES, FULCRUM, F, densities, fulcrum, moments, values_by_D
 from roughvol.reproduction.claims.evidence import D_SIGMA, TEXTS, A, Evidence, Lacking, P, V, at
 from roughvol.reproduction.claims.shape import REACHED, field
-from roughvol.reproduction.claims.statistics import bootstrap, exact, mean, single, slope
+from roughvol.reproduction.claims.statistics import exact, jackknife, mean, single, slope
 from roughvol.reproduction.claims.verdict import Number, Reading, Row, above, below
 from roughvol.reproduction.claims.volume_formulas import BINS, KINDS, close, estimates
 from roughvol.reproduction.needs import BY_D, BY_M, DENSITY, FIELD, ONE_D, PAPER_A, PAPER_D, PAPER_M
@@ -118,7 +118,7 @@ def _spread_at_one(run: ClaimRun, key: str, scale: float, largest: float) -> Num
         # contact in: f falls by the share of open elements outside the first bin (v = 1 is not in it)
         data = {D: (f * (1.0 - run.last(A, D=D, m=m))[:, np.newaxis], edges) for D, (f, edges) in data.items()}
     at_one = values_by_D(data, 1.0, scale)
-    return bootstrap(key, "spread of f(1) over D", lambda seeds: fulcrum(at_one[:, seeds]), run.seeds)
+    return jackknife(key, "spread of f(1) over D", lambda seeds: fulcrum(at_one[:, seeds]), run.seeds)
 
 
 def _plane(evidence: Evidence) -> Iterator[Row]:

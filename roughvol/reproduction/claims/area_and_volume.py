@@ -23,7 +23,7 @@ from roughvol.reproduction.claims.evidence import (
     require,
     volumes,
 )
-from roughvol.reproduction.claims.statistics import bootstrap, exact, mean, ratio, single, slope
+from roughvol.reproduction.claims.statistics import exact, jackknife, mean, ratio, single, slope
 from roughvol.reproduction.claims.verdict import Check, Number
 from roughvol.reproduction.needs import BY_D, BY_M, MANY, PAPER_D
 from roughvol.typing import Array, Index
@@ -172,15 +172,15 @@ def _over_scatter(curves: Array, seeds: Index) -> float:
     """Return that width over the scatter of surfaces of one kind: ± one standard deviation, averaged along the axis."""
     chosen = curves[:, seeds]
     scatter = float(np.mean(2.0 * chosen.std(axis=1, ddof=1).mean(axis=0) / chosen.mean(axis=(0, 1))))
-    return width(curves, seeds) / scatter if scatter > 0.0 else math.nan  # 0 for a resample of one surface only
+    return width(curves, seeds) / scatter if scatter > 0.0 else math.nan  # 0 for one surface
 
 
 def _bands(curves: Array, axis: str, seeds: int) -> tuple[Number, Number]:
     """Return the band between the mean curves, and the band over the scatter of surfaces, with their intervals."""
     require(seeds >= 2, "several surfaces of each D")
-    wide = bootstrap("band", f"width of the band in V*({axis})", functools.partial(width, curves), seeds)
+    wide = jackknife("band", f"width of the band in V*({axis})", functools.partial(width, curves), seeds)
     name = "band between D over scatter of surfaces"
-    return wide, bootstrap("band_over_scatter", name, functools.partial(_over_scatter, curves), seeds)
+    return wide, jackknife("band_over_scatter", name, functools.partial(_over_scatter, curves), seeds)
 
 
 @claim(6, needs=BY_D.of(V, P))
@@ -188,7 +188,7 @@ def volume_at_pressure(given: Given) -> Outcome:
     """Measure the band between the lowest and the highest mean curve, over the mean, averaged along p*.
 
     The natural unit for "significantly" is the scatter between surfaces of one D (± one standard deviation): a band
-    wider than that is seen through the scatter. Met if the bootstrap interval of band/scatter lies above 1 (essential).
+    wider than that is seen through the scatter. Met if the interval of band/scatter lies above 1 (essential).
     That V* rises with D at equal p* must hold, at the middle and at the end of the common range, for every pair of
     neighbouring D (interval of the matched difference above 0; essential at the end).
     """
@@ -211,7 +211,7 @@ def volume_at_pressure(given: Given) -> Outcome:
 def volume_at_area(given: Given) -> Outcome:
     """Measure the band of claim 6 along A*, over the areas that all surfaces reach.
 
-    "Relatively narrow": narrower than the band of V*(p*) of the same surfaces, the whole bootstrap interval of the
+    "Relatively narrow": narrower than the band of V*(p*) of the same surfaces, the whole interval of the
     ratio below 1 (essential). "Almost independent": not wider than the scatter (± one standard deviation) of surfaces
     of one D, the whole interval of band/scatter below 1 (essential: what is wider than the scatter is a dependence).
     A run of more surfaces, where there is one, is asked the same at its finest m (other: it is not the paper's m = 8).
@@ -226,7 +226,7 @@ def volume_at_area(given: Given) -> Outcome:
     def ratio_of_widths(seeds: Index) -> float:
         return width(along_area, seeds) / width(along_pressure, seeds)
 
-    narrowing = bootstrap("band_area_over_pressure", name, ratio_of_widths, run.seeds)
+    narrowing = jackknife("band_area_over_pressure", name, ratio_of_widths, run.seeds)
     means = along_area.mean(axis=1)
     numbers = [wide]
     for key, k in (("first", 0), ("last", -1)):
@@ -243,7 +243,7 @@ def volume_at_area(given: Given) -> Outcome:
         curves, _ = volumes(many, A, [(D, max(many.m)) for D in many.D])
         dimensions = ", ".join(f"{D:g}" for D in many.D)
         name = f"the same of {many.seeds} surfaces, D = {dimensions}, m = {max(many.m)}"
-        of_many = bootstrap("band_over_scatter_many", name, functools.partial(_over_scatter, curves), many.seeds)
+        of_many = jackknife("band_over_scatter_many", name, functools.partial(_over_scatter, curves), many.seeds)
         checks.append(Check.below(f"the same with {many.seeds} surfaces of each D", of_many, 1.0, essential=False))
         sources.append(many)
     why = f"The band is {wide.value:.0%} of V* wide, {narrowing.value:.2f} of that in V*(p*) and "

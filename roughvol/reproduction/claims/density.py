@@ -10,7 +10,7 @@ import numpy as np
 from roughvol.report.figures.cases import nearest
 from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.evidence import Given, Outcome, V, claim, require
-from roughvol.reproduction.claims.statistics import bootstrap, exact, mean, ratio, slope, straightness
+from roughvol.reproduction.claims.statistics import exact, jackknife, mean, ratio, slope, straightness
 from roughvol.reproduction.claims.verdict import Check
 from roughvol.reproduction.needs import BY_D, BY_M, DENSITY, MANY, PAPER_D, PAPER_M
 from roughvol.typing import Array
@@ -88,7 +88,7 @@ def density_by_D(given: Given) -> Outcome:
         checks.append(Check.above(f"v_max grows from D = {low:g} to {high:g}", largest, 1.0))
         checks.append(Check.below(f"f is flatter at D = {high:g} than at {low:g}", slopes, 1.0))
     at_one = values_by_D(data, 1.0)
-    spread = bootstrap("fulcrum", "spread of f(1) over D", lambda seeds: fulcrum(at_one[:, seeds]), run.seeds)
+    spread = jackknife("fulcrum", "spread of f(1) over D", lambda seeds: fulcrum(at_one[:, seeds]), run.seeds)
     checks.append(Check(f"f(1) spreads by less than {FULCRUM:.0%} over D", spread.value < FULCRUM, spread))
     best_v, least = best_fulcrum(data)
     numbers.append(exact("best_v", "v at which f depends least on D", best_v, run.seeds))

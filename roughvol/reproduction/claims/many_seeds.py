@@ -23,6 +23,7 @@ from roughvol.typing import Array
 FEW = 10  # surfaces of the paper's Monte Carlo
 ENOUGH = MANY.of(A, P, V, D=(2.1, PAPER_D), seeds=3 * FEW)
 DRAWS = 5000
+SEED = 336  # any number, fixed: the report must not change from one run to the next
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ def many_seeds(evidence: Evidence) -> ManySeeds:
     runs = [run for run in evidence.fit(ENOUGH) if run.seeds >= 3 * FEW]
     require(runs, f"a run of {3 * FEW} surfaces or more")
     run = max(runs, key=lambda candidate: (candidate.seeds, len(candidate.D)))
-    random = np.random.Generator(np.random.PCG64(statistics.BOOTSTRAP_SEED))
+    random = np.random.Generator(np.random.PCG64(SEED))
     sets = np.array([random.choice(run.seeds, FEW, replace=False) for _ in range(DRAWS)])
     others = np.array([random.choice(run.seeds, FEW, replace=False) for _ in range(DRAWS)])
     values = dict(_quantities(run))
