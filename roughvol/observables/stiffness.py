@@ -24,17 +24,19 @@ from roughvol.typing import Array
 
 FEWEST = 3  # states of a derivative of second order
 OF_EXPONENT = 4  # states of an exponent
+LEAST = 1.0 / 3.0  # slope of d over ln p at an end, over that to the neighbour; ln 2 for p ~ Δ^n at the steps Δ and 2Δ
 
 
 def interfacial_stiffness(pressure: ArrayLike, separation: ArrayLike) -> Array:
     """Return the interfacial stiffness K = -dp/dd at the stored states (..., steps) of a loading or unloading.
 
     K = -p/(dd/d ln p). The derivative of d over ln p is taken from three neighbouring states: centred differences on
-    unequal steps, of second order, one-sided at both ends. Where such a parabola turns before its end, as at a kink
-    before full contact, the straight line to the neighbour is taken there. For p ~ exp(-d/u) these differences are
-    exact. K is infinite where d no longer moves, and NaN where p is 0 or NaN, or with fewer than three states. A
-    surface whose pressure neither rises nor falls throughout has NaN. If no surface has a K for that reason, it is a
-    `ContactError`. For K of rough interfaces: Pastewka et al., Physical Review E 87 (2013) 062809.
+    unequal steps, of second order, one-sided at both ends. Where such a parabola turns before its end or soon after, as
+    at a kink before full contact, the straight line to the neighbour is taken there: the parabola has less than a third
+    of its slope. For p ~ exp(-d/u) these differences are exact. K is infinite where d no longer moves, and NaN where p
+    is 0 or NaN, or with fewer than three states. A surface whose pressure neither rises nor falls throughout has NaN.
+    If no surface has a K for that reason, it is a `ContactError`. For K of rough interfaces: Pastewka
+    et al., Physical Review E 87 (2013) 062809.
     """
     p, d = np.asarray(pressure, dtype=np.float64), np.asarray(separation, dtype=np.float64)
     stiffness, turns = np.full(p.shape, np.nan), False
@@ -51,7 +53,8 @@ def interfacial_stiffness(pressure: ArrayLike, separation: ArrayLike) -> Array:
         slope = np.gradient(gaps, logarithm, edge_order=2)
         straight = np.diff(gaps) / steps
         for end in (0, -1):
-            slope[end] = slope[end] if slope[end] * straight[end] > 0.0 else straight[end]
+            steep = slope[end] * straight[end] > LEAST * straight[end] ** 2
+            slope[end] = slope[end] if steep else straight[end]
         with np.errstate(divide="ignore"):
             stiffness[(*row, states)] = p[row][states] / np.abs(slope) * np.where(slope > 0.0, -1.0, 1.0)
     if turns and np.isnan(stiffness).all():

@@ -53,6 +53,11 @@ def test_an_end_beyond_a_kink_keeps_the_sign_of_its_last_step(order):
     assert found[-1] == pytest.approx(43.6 / (0.003 / np.log(43.6 / 23.2)))
 
 
+def test_an_end_of_a_parabola_that_nearly_turns_has_the_straight_line():
+    found = interfacial_stiffness(np.exp([0.0, 1.0, 2.0]), [4.0, 3.0, 0.01])
+    assert found[0] == pytest.approx(1.0)  # 200 by the parabola
+
+
 def test_states_without_load_and_missing_cases_have_none():
     d = np.linspace(3.0, 1.0, 6)
     p = np.exp(-d)
