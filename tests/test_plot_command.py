@@ -14,7 +14,7 @@ import roughvol
 from roughvol.cli.plot import _check_room, _shaped
 from roughvol.errors import DatasetError
 from roughvol.report.figures import yielding
-from roughvol.report.figures.style import STYLE, axes
+from roughvol.report.figures.style import DASHES, STYLE, axes
 from tests.kit import LEAKING, LEAKING_GAS, call, ran, refused, said, succeeded
 
 TWO = LEAKING.replace("seeds: 1", "seeds: [2, 5]")
@@ -207,6 +207,14 @@ def test_points_of_a_path_have_their_leg_and_direction(tmp_path: Path) -> None:
     directions = enumerate(("", "", "x", "y"), start=1)
     assert curves == {(f"{panel}", "2.3", axis, leg) for panel, axis in directions for leg in legs}
     assert not any(row["curve"].startswith("line") for row in rows)
+
+
+def test_more_legs_than_dash_patterns_can_be_told_apart() -> None:
+    ds = roughvol.open("loops")
+    each = ds.assign_coords(leg=("step", np.arange(1, ds.sizes["step"] + 1)))
+    assert ds.sizes["step"] > len(DASHES)
+    lines = {str(line.get_label()): line for line in roughvol.plot(each, "path_loops").legends[0].get_lines()}
+    assert lines[f"leg {1 + len(DASHES)}"].get_linewidth() > lines["leg 1"].get_linewidth()
 
 
 def test_points_are_those_of_curves_and_not_of_lines_across_the_axes(tmp_path: Path) -> None:

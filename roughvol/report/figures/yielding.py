@@ -51,16 +51,19 @@ def path_loops(ds: Dataset) -> Drawing:
     rows = 2 if len(names) > 3 else 1
     fig, panels = axes(PAGE, 2.5 * rows + 0.6, len(names) // rows, rows)
     panels = panels.ravel()
-    dashes = {int(leg): DASHES[(int(leg) - 1) % len(DASHES)] for leg in np.unique(ds["leg"].values)}
+    legs = np.unique(ds["leg"].values).astype(int).tolist()
+    drawn_as = {  # dash patterns come again in a wider line
+        leg: {"ls": DASHES[(leg - 1) % len(DASHES)], "lw": 1.1 + 0.9 * ((leg - 1) // len(DASHES))} for leg in legs
+    }
     ends: list[tuple[Any, ...]] = []
     for family in some:
-        for leg, dash in dashes.items():
+        for leg, line in drawn_as.items():
             part = averages(spread(along(family.data, leg))[[load, *(name for name, *_ in names)]])
             for ax, (name, _, logarithmic) in zip(panels, names, strict=True):
                 computed = part[name].notnull().values
                 x, y = part[load].values[computed], part[name].values[computed]
                 drawn = np.where(y > 0.0, y, np.nan) if logarithmic else y  # a logarithmic axis has no zero
-                lines = ax.plot(x, drawn, ls=dash, color=family.look["color"])
+                lines = ax.plot(x, drawn, color=family.look["color"], **line)
                 axis = name[-1] if logarithmic else None
                 named(ax, lines, family, curve=f"{family.label}, leg {leg}", axis=axis)
                 if axis:
@@ -76,7 +79,7 @@ def path_loops(ds: Dataset) -> Drawing:
         ax.set_ylim(bottom=ax.get_ylim()[0])  # marks stay on the edge
         closing(ax, direction, colour, *end)
     handles = [Line2D([], [], color=family.look["color"], label=family.label) for family in some]
-    handles += [Line2D([], [], color=GREY, ls=dash, label=f"leg {leg}") for leg, dash in dashes.items()]
+    handles += [Line2D([], [], color=GREY, label=f"leg {leg}", **line) for leg, line in drawn_as.items()]
     handles += closed_handles({direction for _, direction, *_ in ends}, "closed")
     number = several(family.surfaces for family in some)
     words = [title, f"mean of {number} surfaces, of leaks the median" if number else ""]
