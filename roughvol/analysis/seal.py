@@ -336,7 +336,7 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
         if not LEAKS.keys() & set(states):
             return states
         return states.assign_attrs({UNKNOWN: f"The leak of the seal of {patch.seal.label} is not known: {IN_A_ROW}."})
-    alike = patch.is_isotropic([surfaces.isel(seed=[k]) for k in range(surfaces.sizes["seed"])])
+    alike = patch.is_isotropic([surfaces.isel(seed=slice(k, k + 1)) for k in range(surfaces.sizes["seed"])])
     words = f"{patch.seal.label}, flow along {patch.seal.flow}, {' × '.join(map(str, patch.patches))} patches"
     found = {}
     for name in [name for name in LEAKS if name in states]:  # in this order in tables

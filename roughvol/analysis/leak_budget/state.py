@@ -99,7 +99,7 @@ class Loaded:
         return {axis: self._curve(axis) for axis in AXES}
 
     def _curve(self, axis: str) -> PchipInterpolator | None:
-        table = self.loading.isel(seed=0)
+        table = first_leg(self.fields)
         dry = "_dry" if is_lifted(self.table) else ""
         starred = table[f"transmissivity{dry}"].sel(axis=axis).values * table["free_volume"].values ** 3
         leaks = table[f"{FLOW}{dry}"].sel(axis=axis).values if f"{FLOW}{dry}" in table else starred
@@ -177,7 +177,7 @@ def surfaces_at_load(pressed: Pressed) -> Iterator[Loaded]:
     run = Run.of(SWEEP, pressed.dataset)
     for label, group in groups(derived(run.dataset, run.study)):
         for k in range(group.sizes["seed"]):
-            table = group.isel(seed=[k])
+            table = group.isel(seed=slice(k, k + 1))  # a view: a list copies all fields
             name = f"{label}, seed {int(table['seed'][0])}" if "seed" in table.coords else label
             try:
                 state = state_at(run, table, pressed.level)

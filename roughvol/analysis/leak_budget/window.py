@@ -10,6 +10,7 @@ import numpy as np
 from roughvol.analysis.closing import load_of
 from roughvol.analysis.leak import is_lifted
 from roughvol.analysis.leak_budget.state import Loaded, flow_of, gap_of, part_of_surfaces
+from roughvol.analysis.legs import first_leg
 from roughvol.analysis.parts import Part
 from roughvol.ensemble.multilevel import COVERAGE, half_width
 from roughvol.observables.void import quarters
@@ -81,13 +82,13 @@ def window_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
         words = f"{PERCENT} interval of the mean over {loads.size} surfaces, of logarithms by t"
         return Part("window", math.exp(_half(loads)), words)
     surface = fine[0]
-    table = surface.loading.isel(seed=0)
+    table = first_leg(surface.fields)
     starred = f"transmissivity{'_dry' if is_lifted(surface.table) else ''}"
     along = table["quadrant_flow"].sel(axis=axis).dropna("step", how="all") if "quadrant_flow" in table else None
     if along is None or not along.size:
         return Part("window", math.nan, "the flows of its quadrants are not stored")
-    steps = table.sel(step=along["step"].values)
-    flows = steps[starred].sel(axis=axis).values * steps["free_volume"].values ** 3
+    steps = table[[starred, "free_volume", load_of(table)]].sel(step=along["step"].values, axis=axis)
+    flows = steps[starred].values * steps["free_volume"].values ** 3
     loads = steps[load_of(table)].values
     last = int(np.flatnonzero((flows > 0.0) & (along.values > 0.0).any(axis=1)).max(initial=-1))
     if last < 0:
