@@ -215,7 +215,7 @@ def test_patches_of_a_seal_hold_as_many_waves_along_both_sides() -> None:
 
 
 def test_check_run_and_card_say_that_patches_are_uneven_and_a_region_that_is_even_has_no_such_doubt(here: Path) -> None:
-    text = TEXT.replace("{H: 0.8, n: 32, rolloff: 4, cut: 8,", "{H: 0.8, n: 64, rolloff: 12, cut: 15, anisotropy: 3,")
+    text = TEXT.replace("{H: 0.8, n: 32, rolloff: 4, cut: 8,", "{H: 0.8, n: 32, rolloff: 12, cut: 15, anisotropy: 3,")
     text = text.replace("seeds: 3", "seeds: 1")
     (closed,) = roughvol.card(loads(text), "pressure=2 MPa", jobs=1).cards.values()
     assert closed.seal is not None
