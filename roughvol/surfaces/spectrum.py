@@ -13,7 +13,6 @@ of the height is ∫ q C(q) dq/(2π), and a derivative adds a factor q².
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -62,17 +61,3 @@ class Spectrum:
         """Everything that changes the heights, as plain data; rounded, so that it is the same in any unit."""
         rounded = {name: float(f"{v:.12g}") if isinstance(v, float) else v for name, v in vars(self).items()}
         return rounded if self.slope is None else rounded | {"Sq": None}
-
-
-def moment(spectrum: Spectrum, hurst: float, order: int) -> float:
-    """Return a moment of the isotropic spectrum, ∫ k^order k C(k) dk from 1 to L/λ_s, in units of C0."""
-    rolloff, cut = spectrum.rolloff, spectrum.cut
-    plateau = (rolloff ** (order + 2) - 1.0) / (order + 2)
-    power = order - 2.0 * hurst
-    falling = ((cut / rolloff) ** power - 1.0) / power
-    return plateau + rolloff ** (order + 2) * falling
-
-
-def slope_per_height(spectrum: Spectrum, hurst: float) -> float:
-    """Return h'_rms/h_rms times L of the isotropic spectrum, 2π √(M₂/M₀) with `moment` M."""
-    return 2.0 * math.pi * math.sqrt(moment(spectrum, hurst, 2) / moment(spectrum, hurst, 0))
