@@ -95,8 +95,8 @@ class Select(Levels):
 Selector = Annotated[Select, Word("last")]
 IN_WORDS = "'last', or levels of step, contact_area, pressure, separation, indentation, free_volume, mean_gap, load"
 
-FallenLength = Annotated[float, Field(ge=0), In("length")]  # a leg that unloads may end at 0
-FallenPressure = Annotated[float, Field(ge=0), In("pressure")]
+LengthOrZero = Annotated[float, Field(ge=0), In("length")]  # a leg that unloads may end at 0
+PressureOrZero = Annotated[float, Field(ge=0), In("pressure")]
 
 
 class Target(Choice):
@@ -105,9 +105,9 @@ class Target(Choice):
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
     percolation: Literal["x", "y", "both"] | None = optional("end without an open way along 'x', 'y' or 'both'")
-    indentation: FallenLength | None = optional("end at this Δ/σ > 0, or Δ as 2 um; 0 on a later leg: no contact")
+    indentation: LengthOrZero | None = optional("end at this Δ/σ > 0, or Δ as 2 um; 0 on a later leg: no contact")
     contact_area: AreaFraction | None = optional("end at this A*, 0 < A* <= 1")
-    pressure: FallenPressure | None = optional("end at this p* > 0, or p as 0.5 MPa; 0 on a later leg: no contact")
+    pressure: PressureOrZero | None = optional("end at this p* > 0, or p as 0.5 MPa; 0 on a later leg: no contact")
     separation: Position | None = optional("end at this d/σ, negative beyond the mean plane, or d as 0.5 um")
     free_volume: Positive | None = optional("end at this V* > 0, which falls on loading")
     mean_gap: Gap | None = optional("end at this mean gap > 0, as 1 um")
@@ -181,10 +181,10 @@ class Sweep(Strict):
         "p* or pressure of the first step on the first leg, with equal: log pressure; default: that of the "
         "last step over 1000"
     )
-    pressures: Many[FallenPressure] = _listed("p* > 0, on a later leg 0 too, or pressures as 0.1 MPa")
+    pressures: Many[PressureOrZero] = _listed("p* > 0, on a later leg 0 too, or pressures as 0.1 MPa")
     loads: Many[Load] = _listed("loads on the whole surface, as 20 N", f"; {OF_ALL}")
     contact_areas: Many[AreaFraction] = _listed("A*")
-    indentations: Many[FallenLength] = _listed("Δ/σ > 0, on a later leg 0 too, or lengths")
+    indentations: Many[LengthOrZero] = _listed("Δ/σ > 0, on a later leg 0 too, or lengths")
     separations: Many[Position] = _listed("falling d/σ or lengths")
     free_volumes: Many[Positive] = _listed("falling V*")
     mean_gaps: Many[Gap] = _listed("falling mean gaps, as 1 um")
