@@ -273,8 +273,8 @@ def _units(study: StudyFile) -> Problems:
     if surface.has_length:
         return
     lengths: list[tuple[KeyPath, Any]] = []
-    for section in ("surface", "material"):
-        lengths += [((section, name), value) for name, value in getattr(study, section)]
+    for section in ("surface", "material", "seal"):
+        lengths += [((section, name), value) for name, value in getattr(study, section) or ()]
     for axis, positions in getattr(surface, "crop", None) or ():
         lengths += [(("surface", "crop", axis), position) for position in positions]
     for path, length in lengths:

@@ -117,6 +117,7 @@ def test_what_a_file_contradicts_is_placed_in_the_study(tmp_path: Path) -> None:
         ("sweep: {to: {mean_gap: 1 um}}", "sweep.to.mean_gap"),
         ("record: {fields_at: {separation: 1 um}}", "record.fields_at.separation[0]"),
         ("record: {dimensional: {mean_gap: um}}", "record.dimensional.mean_gap"),
+        ("seal: {length: 12 mm, width: 200}", "seal.length"),
     ],
 )
 def test_a_length_with_a_unit_is_refused_beside_a_file_without_one(folder: Path, rest: str, key: str) -> None:
