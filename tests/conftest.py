@@ -81,8 +81,8 @@ def _read_once() -> Iterator[None]:
     @functools.lru_cache(maxsize=256)
     def held(content: bytes) -> Any:
         found = opened(content)
-        for variable in found.data_vars.values():
-            variable.values.flags.writeable = False
+        for name in found.data_vars:
+            found.variables[name].values.flags.writeable = False
         return found
 
     with pytest.MonkeyPatch.context() as patch:
