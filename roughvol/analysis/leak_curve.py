@@ -145,7 +145,8 @@ class Curve:
             value, low, high = (self._load_of_seal(log_wanted, part) for part in PARTS)
             if closes := self.closing.closed_from * (1.0 - 2.0 * REACHED) <= value < math.inf:
                 value = self.closing.closed_from
-            return LoadReading(value, min(low, value), max(high, value, self.begins), closes)
+            low = min(low, value, float(self.pressure[-1]))  # more is not known of a load beyond the last step
+            return LoadReading(value, low, max(high, value, self.begins), closes)
         x, y = self._logs
         above = np.flatnonzero(y > log_wanted(x) + REACHED)  # a step that misses the value by less has it
         if not above.size:

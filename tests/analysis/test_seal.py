@@ -540,6 +540,8 @@ def test_a_seal_is_read_off_as_its_patches_are_at_the_load(joint: Path) -> None:
     at_steps = seal.at(seal.pressure)
     assert_allclose(at_steps.value, seal.leak)
     assert np.all((at_steps.low <= seal.leak) & (seal.leak <= at_steps.high))
+    (beyond,) = roughvol.ask(ds.isel(step=slice(3)), leak_rate="1e-12 mm^3/s").answers
+    assert (beyond.low, beyond.high) == (beyond.steps[0], np.inf)
 
 
 def test_the_interval_of_a_seal_holds_its_leak_between_steps(here: Path) -> None:
