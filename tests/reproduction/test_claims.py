@@ -117,6 +117,7 @@ def test_the_jackknife_covers_a_band_over_the_scatter_as_often_as_it_says() -> N
         curves = np.reshape([0.9, 1.0, 1.1], (3, 1, 1)) + 0.1 * (math.sqrt(0.5) * (common + own))
         numbers.append(stats.jackknife("k", "", functools.partial(_over_scatter, curves), 10))
     assert np.mean([number.low <= 1.0 <= number.high for number in numbers]) == pytest.approx(0.95, abs=0.03)
+    assert math.isnan(stats.jackknife("k", "", functools.partial(_over_scatter, curves[:, :2]), 2).low)  # one has none
 
 
 def test_the_jackknife_of_a_mean_is_near_the_t_interval() -> None:

@@ -170,9 +170,11 @@ def width(curves: Array, seeds: Index) -> float:
 
 def _over_scatter(curves: Array, seeds: Index) -> float:
     """Return that width over the scatter of surfaces of one kind: ± one standard deviation, averaged along the axis."""
+    if seeds.size < 2:
+        return math.nan
     chosen = curves[:, seeds]
     scatter = float(np.mean(2.0 * chosen.std(axis=1, ddof=1).mean(axis=0) / chosen.mean(axis=(0, 1))))
-    return width(curves, seeds) / scatter if scatter > 0.0 else math.nan  # 0 for one surface
+    return width(curves, seeds) / scatter if scatter > 0.0 else math.nan
 
 
 def _bands(curves: Array, axis: str, seeds: int) -> tuple[Number, Number]:
