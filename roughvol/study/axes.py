@@ -106,12 +106,12 @@ def _with(data: dict[str, Any], path: tuple[str, ...], value: Any) -> dict[str, 
     return {**data, first: _with(data[first], tuple(rest), value) if rest else value}
 
 
-def _indexed(path: KeyPath, places: Mapping[str, int]) -> KeyPath:
-    """Return a key path of a combination as one of the whole study, with the place in each list."""
-    for name, place in places.items():
+def _indexed(path: KeyPath, places: Mapping[KeyPath, int]) -> KeyPath:
+    """Return a key path of a combination as one of the whole study, with the place in the list of each key."""
+    for key, place in places.items():
         keys = [index for index, part in enumerate(path) if not str(part).startswith("<")]
-        if tuple(path[index] for index in keys)[: len(AXES[name])] == AXES[name]:
-            end = keys[len(AXES[name]) - 1] + 1
+        if tuple(path[index] for index in keys)[: len(key)] == key:
+            end = keys[len(key) - 1] + 1
             path = (*path[:end], place, *path[end:])
     return path
 
@@ -129,6 +129,9 @@ def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> tuple[tuple[Axis
     each once. Empty lists and too many combinations are problems.
     """
     items = lists(data)
+    lists_at: list[KeyPath] = [AXES[name] for name in items]
+    if "to" in items and isinstance(data["sweep"]["to"], dict):  # {pressure: [a, b]}
+        lists_at[list(items).index("to")] = (*AXES["to"], *data["sweep"]["to"])
     for name, values in items.items():
         if not values:
             refuse_at(AXES[name], values, "must have at least one item")
@@ -146,7 +149,7 @@ def read(data: dict[str, Any], read_one: Callable[[Any], S]) -> tuple[tuple[Axis
             made.append(read_one(combination))
         except ValidationError as error:
             for fault in error.errors(include_url=False):
-                where = _indexed(fault["loc"], dict(zip(items, places, strict=True)))
+                where = _indexed(fault["loc"], dict(zip(lists_at, places, strict=True)))
                 wrong.setdefault((where, fault["msg"]), details_of(fault, where))
     if wrong:
         raise ValidationError.from_exception_data("Study", list(wrong.values()))
