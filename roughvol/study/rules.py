@@ -345,7 +345,8 @@ def _legs(study: StudyFile) -> Problems:
         if (unit_of(last) is None) == (unit is None) and not in_unit(leg.first, unit) < in_unit(last, unit):
             yield (*path, "first"), "must be below the pressure of the last step"
     if (first := next(leg.states(path), None)) and _unloaded(first[1]):
-        yield first[0], "must be > 0 on the first leg, which begins at first touch"
+        where = " on the first leg, which begins at first touch" * several
+        yield first[0], f"must be > 0{where}, given {first[1].written}"
     if not several:
         for one, other in itertools.pairwise((leg.listed or ())[:2]):
             falls, kind = in_unit(other.value or 0.0, unit_of(one.value)) < (one.value or 0.0), STATE_KINDS[one.kind]

@@ -9,7 +9,7 @@ import pytest
 
 from roughvol.analysis.stored_run import Run
 from roughvol.ensemble import design, step_error
-from roughvol.ensemble.multilevel import quantile
+from roughvol.ensemble.multilevel import half_width
 from roughvol.report.run_facts import facts
 from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.ensemble_means import HEAD, answers
@@ -69,11 +69,13 @@ def test_ten_common_seeds_scatter_about_the_ratio_of_two_levels(results: Dataset
     for name, values in (levels | {"residual": (np.nan, (1.0 - related**2) * fine.var())}).items():
         variable = changed[f"contact_area_fraction_level_{name}"].transpose("m", ...)
         variable[-2:] = np.reshape(values, (2, 1, 1))
+    changed["ensemble_samples"].transpose("m", ...)[-2:] = np.reshape((100, 20), (2, 1))
     (found,) = answers([ClaimRun.of("trial", changed)])
     (row,) = [row for row in found.rows if row[0].startswith("n > 0") and row[0].endswith("D = 2.9")]
-    low, high = map(float, row[2].split(" to "))
-    wanted = quantile(9.0) * step / math.sqrt(10.0) / (0.1 * math.log(2.0))
-    assert math.isclose(0.5 * (high - low), wanted, rel_tol=0.01)
+    of_levels = math.hypot(half_width(0.005, 20), half_width(0.015, 100))  # residual; slopes of 0.2 and 0.5 times 0.05
+    for interval, wanted in ((row[2], half_width(float(step), 10)), (row[4], of_levels)):
+        low, high = map(float, interval.split(" to "))
+        assert math.isclose(0.5 * (high - low), wanted / (0.1 * math.log(2.0)), rel_tol=0.01)
 
 
 def test_the_report_has_every_sentence_of_an_ensemble(results: Dataset) -> None:

@@ -159,7 +159,7 @@ def _check_order(levels: Sequence[Any]) -> None:
         refuse_at((kind.plural,), given, "either all values have a unit, or none")
     values = [in_unit(value, unit) for value in given]
     falls = values[:2] != sorted(values[:2])
-    rule = "must rise or fall from value to value: give each way as a leg of its own"
+    rule = "must rise or fall from value to value (up and down are two legs)"
     for index, (one, other) in enumerate(itertools.pairwise(values), start=1):
         if not (one > other if falls else one < other):
             refuse_at((kind.plural, index), text_of(given[index]), rule)
