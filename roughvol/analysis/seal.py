@@ -407,7 +407,7 @@ def leak_of(
     """
     n, m = patch.patches
     if not len(maps):
-        return Estimate(math.nan, math.nan, math.nan), (), (NO_LEAK,)
+        return Estimate(math.nan, math.nan, math.nan), (), ()
     found = conductance_of(maps[:, None], (n, m), isotropic=isotropic and len(maps) > 1)
     turned = ", each as it lies and turned" if isotropic else "; x and y differ"
     words = [f"{DRAWS} sheets of {n} × {m} patches, drawn from {len(maps)} surfaces{turned}"]

@@ -88,7 +88,7 @@ def _leak(title: str, words: Iterable[str], leak: Way | SealLeak) -> Section:
     """Return words on a leak as sentences, and its error."""
     lines = tuple(f"{line[:1].upper()}{line[1:]}." for line in words)
     rows = tuple((name, factor.replace(" ", NARROW), words) for name, factor, words in card_text.budget(leak))
-    return Section(title, notes=lines, tables=(Table("", card_text.HEAD, rows),))
+    return Section(title, notes=lines, tables=(Table("", card_text.HEAD, rows),) if leak.parts else ())
 
 
 def brief(page: Page) -> Section:

@@ -288,7 +288,8 @@ def seal(of_seal: SealLeak, *, legs: bool = False) -> str:
     else:
         bounded = math.isfinite(most) and most > 0.0
         leaks = "is closed" + (f", and leaks at most {amount(most, of_seal.unit)}" if bounded else "")
-    unknown = "" if all(map(math.isfinite, of_seal.interval)) else "; its error is not known"
+    known = math.isnan(of_seal.leak) or all(map(math.isfinite, of_seal.interval))
+    unknown = "" if known else "; its error is not known"
     closing = "the load that closes it is not known"
     if math.isfinite(of_seal.closing):
         closing = _tight_above(of_seal.closing, of_seal.closing_interval, of_seal.load_unit, ON_LEG if legs else "")
