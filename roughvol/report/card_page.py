@@ -65,7 +65,7 @@ def document(page: Page) -> Document:
         Section(kind="answer", notes=(f"At {card_text.load_of(card)}.",), facts=answers),
         Section(kind="card", notes=(card_text.patch(card),), drawings=drawn),
         Section(kind="pair", sections=tuple(_way(f"Along {way.axis}", card, way) for way in card.ways)),
-        *([_seal(f"The seal of {card.seal.label}", card.seal)] if card.seal is not None else []),
+        *([_seal(f"The seal of {card.seal.label}", card.seal)] if card.seal and card.seal.words else []),
         *([Section("Surfaces", tables=(card_text.surfaces(card),))] if len(card.surfaces) > 1 else []),
         Section("What the card rests on", facts=(*card_text.load_facts(card), *facts)),
         Section("Limits of the model, over the states of the sweep", sections=(limits, *held)),

@@ -459,12 +459,16 @@ def test_a_seal_has_no_known_leak_beyond_a_sweep_that_ended_closed_along_one_axi
 
 def test_patches_at_different_pressures_make_no_seal(tmp_path: Path) -> None:
     """As at one contact area, or at one p* of maps of different Sq."""
-    card, of_seal = _card(BOTH, "contact_area=0.1", tmp_path)
+    found = roughvol.card(loads(BOTH), "contact_area=0.1", out=tmp_path, jobs=1)
+    (card,) = found.cards.values()
+    of_seal = card.seal
     assert np.ptp([one.number("nominal_pressure") for one in card.surfaces]) > 0.0
     assert np.isnan([of_seal.leak, of_seal.gas_leak, *of_seal.interval]).all()
     assert "the surfaces have different pressures there" in card_text.seal(of_seal)
     assert "along one axis alone; its error" not in card_text.seal(of_seal)
     assert (card_text.seal_details(of_seal), of_seal.parts) == ([], ())
+    (page,) = found.pages
+    assert not [one.title for one in card_page.document(page).sections if "seal" in one.title]
 
 
 def test_a_seal_is_not_known_to_be_closed_where_the_sweep_of_a_patch_ended_open(tmp_path: Path) -> None:
