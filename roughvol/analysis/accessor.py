@@ -20,7 +20,7 @@ from roughvol.analysis import average, units
 from roughvol.analysis.derived import check_pressed, derived, groups
 from roughvol.analysis.stored_run import Run, answers
 from roughvol.errors import DatasetError
-from roughvol.store.variants import SURFACES, chosen, parts_of, recorded, whole, widened
+from roughvol.store.variants import SURFACES, chosen, coordinates_of_user, parts_of, recorded, whole, widened
 from roughvol.study import Level, check_type, level, quantity, text_of_value
 from roughvol.typing import Load, Number
 
@@ -254,6 +254,7 @@ class Accessor:
                 result = result.expand_dims({name: [label]})
             found.append(result)
         joined = _together(found).assign_attrs(self._ds.attrs)
+        joined = joined.set_coords([name for name in coordinates_of_user(self._ds) if name in joined])
         for key in joined.coords.keys() & self._ds.coords.keys():
             joined.variables[key].attrs |= self._ds.variables[key].attrs
         single = (*chosen(self._ds), *recorded(self._ds))

@@ -141,7 +141,7 @@ def _at_steps(ds: Dataset, name: str, dry: Variable | None) -> Variable:
     stored, load, loads = (ds.variables[key] for key in (LIFTED[name], "mean_pressure", f"{STATE}_mean_pressure"))
     later = ds.variables[f"{STATE}_step"] - ds.variables["step"]
     near = (abs(load - loads) <= REACHED * abs(loads)) & ((later == 0) | (later == 1))
-    values = stored.where(near & stored.notnull()).max(STATE).transpose(*load.dims, "axis")
+    values = stored.where(near & stored.notnull()).max(STATE).transpose(*load.dims, "axis", missing_dims="ignore")
     values.attrs = ({} if dry is None else dry.attrs) | stored.attrs | {"symbol": QUANTITIES[name].symbol}
     return values
 

@@ -60,8 +60,15 @@ def recorded(results: Dataset) -> list[str]:
     return [name for name in STATES if name in results.coords and name not in results.dims]
 
 
+def coordinates_of_user(results: Dataset) -> list[str]:
+    """Return the coordinates of a dataset that a user made of its numbers, as by ds.set_coords."""
+    own = (*results.xindexes, *dataset.COORDS)
+    return [str(name) for name, values in results.coords.items() if values.dims and name not in own]
+
+
 def widened(results: Dataset) -> Dataset:
-    """Return a dataset with the dimensions of all lists, surfaces and recorded states."""
+    """Return a dataset with the dimensions of all lists, surfaces and recorded states; its numbers are variables."""
+    results = results.reset_coords(coordinates_of_user(results))
     full = results.expand_dims(names) if (names := chosen(results)) else results
     if "ensemble_at" in results:  # its means are of all surfaces, and have no dimension seed, and most no m
         of_means = {
@@ -87,6 +94,9 @@ def _means_of(results: Dataset) -> dict[str, list[str]]:
         row = VARIABLES.get(name) or VARIABLES[f"free_volume{end if is_mean else ''}"]
         if not row.dims.startswith("..."):
             found[name] = row.dims.split()
+            if foreign := [str(dim) for dim in results[name].dims if dim not in found[name]]:
+                place = f"{name} along {foreign[0]}, as after ds.where"
+                raise DatasetError(f"the dataset has {place}; allowed: the dimensions of a run")
     return found
 
 

@@ -1,6 +1,7 @@
 """``ds.roughvol``: against plain numpy, over every shape of a dataset, and its refusals."""
 
 import contextlib
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -131,6 +132,16 @@ def test_the_choice_of_a_label_and_the_question_may_be_exchanged(swept: Dataset,
     assert roughvol.plot(chosen, "v_of_p").axes
 
 
+@pytest.mark.parametrize("name", ["mean_pressure", "Sq"])
+def test_a_number_that_became_a_coordinate_changes_no_answer(swept: Dataset, name: str) -> None:
+    marked = swept.set_coords(name)
+    assert roughvol.show(marked, "last").rows == roughvol.show(swept, "last").rows
+    for question in (lambda ds: ds.roughvol.at("last"), lambda ds: ds.roughvol.derived()):
+        found = question(marked)
+        assert name in found.coords
+        xr.testing.assert_identical(found.reset_coords(name), question(swept))
+
+
 def test_the_choice_of_a_recorded_state_changes_no_number() -> None:
     heights = np.random.Generator(np.random.PCG64(4)).normal(size=(12, 15))
     legs = [{"steps": 3, "to": {"contact_area": 0.4}}, {"steps": 2, "to": {"contact_area": 0.1}}]
@@ -180,13 +191,12 @@ def test_what_is_derived_twice_stays_under_fluid_pressure() -> None:
         "fluid_pressure": {"inlet": "1 bar", "at": "last"},
         "dimensional": {"leak_rate": {"pressure_drop": "1 bar", "viscosity": "1 mPa*s", "unit": "mm^3/s"}},
     }
-    once = roughvol.press(
-        heights, L="100 um", E_star="10 MPa", to={"pressure": "0.5 MPa"}, steps=2, record=record
-    ).roughvol.derived()
-    last = once.roughvol.at("last")
-    for first, again in ((once, once.roughvol.derived()), (last, last.roughvol.derived())):
-        for name in ("leak_rate", "leak_rate_dry", "open", "open_dry"):
-            assert np.array_equal(again[name], first[name], equal_nan=True), name
+    ds = roughvol.press(heights, L="100 um", E_star="10 MPa", to={"pressure": "0.5 MPa"}, steps=2, record=record)
+    once = ds.roughvol.derived()
+    last, along_x = once.roughvol.at("last"), ds.sel(axis="x").roughvol.derived()
+    pairs = (once, once.roughvol.derived()), (last, last.roughvol.derived()), (once.sel(axis="x"), along_x)
+    for (first, again), name in itertools.product(pairs, ("leak_rate", "leak_rate_dry", "open", "open_dry")):
+        assert np.array_equal(again[name], first[name], equal_nan=True), name
 
 
 @pytest.mark.parametrize(

@@ -112,3 +112,5 @@ def test_a_choice_by_labels_keeps_the_means_of_all_surfaces(results: Dataset, ch
     drawn = [FIGURES["ensemble_cost"](data).axes[2].lines for data in (results, widened(results.sel(chosen)))]
     for whole, part in zip(*drawn, strict=True):
         np.testing.assert_array_equal(whole.get_xydata(), part.get_xydata())
+    with pytest.raises(DatasetError, match=r"ensemble_\w+ along seed, as after ds.where; allowed: the dimensions of"):
+        widened(results.expand_dims(seed=[0]))
