@@ -189,6 +189,12 @@ def test_a_periodic_topography_is_pressed_as_the_surface_section_says() -> None:
     assert (float(period.L), period.sides) == (8.5, "periodic")
 
 
+def test_the_order_of_an_array_in_memory_is_no_part_of_its_identity() -> None:
+    """Equal heights, transposed twice by a user, were refused as those of another study."""
+    orders = (MAP, np.asfortranarray(MAP))
+    assert len({roughvol.press(heights, L=1.0, steps=0).case_ids for heights in orders}) == 1
+
+
 def test_run_takes_heights_in_memory_and_keeps_them_beside_its_results() -> None:
     study: dict[str, Any] = {
         "name": "kept",

@@ -106,7 +106,7 @@ def _numbers(heights: Any) -> tuple[Array, Text]:
     if array.dtype.kind not in "fiu":
         raise SurfaceError(f"heights are of the type {array.dtype}; allowed: real numbers")
     map_shape(array.shape)
-    return np.ma.filled(array.astype(np.float64), np.nan), unit
+    return np.ma.filled(array.astype(np.float64, order="C"), np.nan), unit
 
 
 def _is_quantity(value: Any) -> bool:
