@@ -744,12 +744,13 @@ def check(study: Study | Mapping[str, Any] | str | Path, *, jobs: int | None = N
 
     loaded, folder = study_of(study, changes, of_run=True)
     surface = interpretation.shown(loaded, checks.check_surfaces(loaded))
-    estimate, case, rows = cost.estimate(loaded, jobs), loaded.cases()[0], []
+    estimate, cases, rows = cost.estimate(loaded, jobs), loaded.cases(), []
     if loaded.ensemble is not None:
         from roughvol.campaign import rounds  # for ensembles alone
 
         rows = rounds.expected(loaded)
-    notes = interpretation.notes(case, surface) if surface is not None and case.file is not None and not rows else ()
+    is_read = cases[0].file is not None and not rows
+    notes = interpretation.notes(cases, surface) if surface is not None and is_read else ()
     doubts = (*notes, *interpretation.doubts(loaded, surface))
     warnings = list(validity.sentences(validity.foreseen(loaded, surface), doubts))
     if not rows and estimate.warning:

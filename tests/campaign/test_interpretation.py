@@ -108,3 +108,15 @@ def test_the_file_that_is_shown_of_several_is_named() -> None:
     for files, named in (("[a.npy]", False), ("[a.npy, b.npy]", True)):
         Path("of.yaml").write_text(f"surface: {{files: {files}, L: 1 mm, heights_unit: m}}\n")
         assert ("a.npy, the first of 2 cases" in said("check", "of.yaml")) == named
+
+
+def test_doubts_of_each_file_are_given_and_a_spacing_of_another_file_is_one() -> None:
+    """Doubts of the first file alone were given: an L of two sizes of maps made two spacings without a word."""
+    np.save("a.npy", HEIGHTS)
+    np.save("b.npy", HEIGHTS[:6])
+    study = {"surface": {"files": ["a.npy", "b.npy"], "L": "1 mm", "heights_unit": "m"}, "sweep": {"steps": 1}}
+    expected = "b.npy has 6 nodes along x and a.npy 9, on an equal L: their spacings differ"
+    with pytest.warns(RoughvolWarning, match=expected):
+        ds = roughvol.run(study, jobs=1)
+    assert expected in ds.attrs["warnings"].splitlines()
+    assert expected in roughvol.check(study).warnings

@@ -89,7 +89,7 @@ def test_a_number_names_a_channel(folder: Path) -> None:
 
 def _notes(folder: Path, surface: str) -> tuple[str, ...]:
     case = case_of(folder, surface)
-    return interpretation.notes(case, case_surface.surface_of(case))
+    return interpretation.notes([case], case_surface.surface_of(case))
 
 
 def test_an_absurd_size_is_noted(folder: Path) -> None:
