@@ -56,6 +56,7 @@ def test_a_grid_of_gmt_is_netcdf(tmp_path, kind):
         (np.arange(6.0) ** 2, {"units": "um"}, "the coordinate x is not equidistant"),
         (np.arange(6.0), {"units": "degrees_east"}, "x:units has the unit 'degrees_east'"),
         (np.arange(6.0), {"units": "nm"}, "x is in nm, y in um"),
+        (np.arange(6.0), {}, "x is in no unit, y in um"),
         (np.arange(6.0), {"units": "um", "length": 7.0}, "x:length is 7, its coordinate has a spacing of 1"),
         (np.arange(6.0), {"units": "um", "length": [1.0, 2.0]}, r"cannot be read as \.nc"),
         (np.array(list("abcdef"), dtype=object), {}, ""),

@@ -50,7 +50,8 @@ def opened(request: Request) -> HeightMap:
     sides, lateral, source, counted = None, None, "", False
     if x and y:
         if x.unit != y.unit:
-            raise SurfaceError(f"{x.name} is in {x.unit}, {y.name} in {y.unit}; allowed: one unit for both")
+            units = f"{x.name} is in {x.unit or 'no unit'}, {y.name} in {y.unit or 'no unit'}"
+            raise SurfaceError(f"{units}; allowed: one unit for both")
         sides, lateral, source = (x.span, y.span), x.unit, f"coordinates {x.name} and {y.name}"
         counted = lateral is None and x.counted and y.counted
     flips = tuple(slice(None, None, -1 if axis and axis.falls else 1) for axis in (x, y))
