@@ -355,7 +355,9 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
         values = np.where(every | (np.array(known) != 0.0), known, math.nan)
         median_leaks = leaks.isel(axis=0, drop=True).copy()
         median_leaks.values = np.broadcast_to(np.reshape(values, (-1, 1) if several else (1,)), median_leaks.shape)
-        found[LEAKS[name]] = median_leaks.assign_attrs(symbol=QUANTITIES[LEAKS[name]].symbol, seal=words, sheets=draws)
+        row = QUANTITIES[LEAKS[name]]
+        about = {"symbol": row.symbol, "long_name": row.long_name, "seal": words, "sheets": draws}
+        found[LEAKS[name]] = median_leaks.assign_attrs(about)
     return states.assign(found)
 
 

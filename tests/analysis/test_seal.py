@@ -22,6 +22,7 @@ from roughvol.gap import sheet
 from roughvol.gap.network import harmonic
 from roughvol.gap.transport import conduction
 from roughvol.observables import void
+from roughvol.observables.variables import QUANTITIES
 from roughvol.questions import Cards
 from roughvol.report import card_page, card_text, screen
 from roughvol.report.figures.creep import drawing_of
@@ -480,6 +481,7 @@ def test_a_seal_is_not_known_to_be_closed_where_the_sweep_of_a_patch_ended_open(
     state = ds.roughvol.at(pressure=float(ds.mean_pressure.max()))
     assert_array_equal(state.leak_rate.sel(axis="y").values.ravel(), [math.nan, 0.0])
     assert state.seal_leak_rate.isnull().all()
+    assert state.seal_leak_rate.long_name == QUANTITIES["seal_leak_rate"].long_name
 
 
 def test_patches_known_along_one_axis_alone_leave_their_seal_unknown() -> None:
