@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -48,18 +49,21 @@ def _foreign(dataset: Dataset, study: Study) -> str:
     dims = dataset["mean_pressure"].dims if "mean_pressure" in dataset else ()
     if foreign := [str(dim) for dim in dims if dim not in known]:
         return f"a dimension {foreign[0]}"
+    for key in (surface, "D", "m"):
+        counts = Counter(np.ravel(dataset[key]).tolist() if key in dataset.coords else [])
+        if twice := [f"{key} = {label} twice" for label, count in counts.items() if count > 1]:
+            return twice[0]
     if isinstance(study.surface, HeightFile):
         files = {Path(file).name for file in study.surface.files or (study.surface.file,)}
         cases = [str(label) for label in np.ravel(dataset["case"])] if "case" in dataset.coords else []
-        twice = next((f"case = {label} twice" for label in cases if cases.count(label) > 1), "")
         first = tuple(f"{file} against " for file in files)  # of two bodies
         others = (label for label in cases if label not in files and not label.startswith(first))
-        return twice or next((f"case = {label}" for label in others), "")
+        return next((f"case = {label}" for label in others), "")
     if not isinstance(study.surface, MadeSurface) or study.ensemble is not None:
         return ""
     named = {"D": study.surface.dimensions, "m": study.surface.m, "seed": study.surface.seeds}
-    labels = ((key, label) for key in named if key in dataset.coords for label in np.ravel(dataset[key]).tolist())
-    strange = ((key, label) for key, label in labels if label not in named[key])
+    every = ((key, label) for key in named if key in dataset.coords for label in np.ravel(dataset[key]).tolist())
+    strange = ((key, label) for key, label in every if label not in named[key])
     return next((f"{key} = {label if isinstance(label, str) else f'{label:g}'}" for key, label in strange), "")
 
 
