@@ -15,7 +15,7 @@ from typing import Any
 from roughvol.campaign import execution
 from roughvol.campaign.batch import OnEvent
 from roughvol.campaign.case_surface import surface_of
-from roughvol.errors import CampaignError, Problem, StudyError
+from roughvol.errors import CampaignError, Problem, StudyError, SurfaceError
 from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.store.run_folder import slug
 from roughvol.study import HeightFile, Level, Quantity, Region, Seal, SpectralSurface, Study, read, refused
@@ -183,7 +183,11 @@ def _held(surface: SpectralSurface, n: int) -> dict[str, Any] | None:
 
 def _at_equal_pressure(study: Study, levels: Sequence[Level], keys: Mapping[str, Any], words: str) -> Planned:
     """Return the study with other surfaces, at the same nominal pressures p = p* E* Sq/L = F/A of the first surface."""
-    (steepness, area), (other, other_area) = map(_sizes, (study, _changed(study, levels, keys)))
+    unscaled = _changed(study, levels, keys)
+    try:
+        (steepness, area), (other, other_area) = map(_sizes, (study, unscaled))
+    except SurfaceError:  # another levelling leaves too many outliers; its run has the reason
+        return Planned(words, unscaled, levels[0])
     factors = {"pressure": steepness / other, "load": other_area / area}
     if levels[0].kind in factors:
         levels = [replace(level, value=_scaled(level.kind, level.value, factors)) for level in levels]

@@ -376,6 +376,19 @@ def test_a_card_of_a_file_has_levelling_and_quadrants_at_one_nominal_pressure(tm
     assert "quadrants of the map" in part_of(way, "window").words
 
 
+def test_another_levelling_that_cannot_be_computed_has_its_reason(tmp_path: Path) -> None:
+    """Less a quadratic, the map scatters so little that its spikes are too many outliers."""
+    bow = np.linspace(-1.0, 1.0, 16)[:, np.newaxis] ** 2
+    heights = 3.0 * bow + 0.01 * np.random.default_rng(0).normal(size=(16, 16))
+    heights[::3, ::4] += 0.3
+    np.savetxt(tmp_path / "scan.txt", heights, header="heights in um")
+    surface = "{file: scan.txt, L: 200 um, level: tilt, outliers: {sigma: 6}}"
+    study = loads(re.sub("surface: .*", f"surface: {surface}", TEXT), file=tmp_path / "s.yaml")
+    made = card_runs.compute(study, AT, tmp_path / "card", jobs=1)
+    part = part_of(card_of([made], "scan", "").ways[0], "levelling")
+    assert (part.known, "not computed: " in part.words, "9.4%, lie farther" in part.words) == (False, True, True)
+
+
 def test_a_card_without_units_has_the_budget_of_the_same_map_with_units(tmp_path: Path) -> None:
     """L of block means is that of other nodes, so closing loads are compared as p* Sq/L."""
     heights = random_midpoint_displacement(2.2, 5, seed=5).heights
