@@ -84,6 +84,15 @@ def test_every_leg_has_the_numbers_of_the_same_surfaces(tmp_path: Path) -> None:
     assert reached < 2 * len(rows)
 
 
+def test_a_leak_is_compared_where_both_runs_have_one(tmp_path: Path) -> None:
+    elastic, metal = (
+        _made(name, tmp_path, f"record.transport={{transmissivity: {states}}}", *hard)
+        for name, states, hard in (("elastic", "every-step", ()), ("metal", "last", (HARD,)))
+    )
+    (found,) = comparisons([elastic, metal])
+    assert [row[0] for row in found.rows if row[1].startswith("leak along x")] == [found.rows[-1][0]]
+
+
 def test_two_runs_are_compared_by_the_leak_of_their_states(tmp_path: Path) -> None:
     sweep = "sweep={pressures: [0.05 MPa, 0.1 MPa, 0.15 MPa, 0.2 MPa]}"
     runs = [_made(name, tmp_path, CLOSING, sweep, *hard) for name, hard in {"elastic": (), "metal": (HARD,)}.items()]

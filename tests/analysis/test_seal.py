@@ -552,6 +552,18 @@ def test_a_seal_is_read_off_as_its_patches_are_at_the_load(joint: Path) -> None:
     assert (beyond.low, beyond.high) == (beyond.steps[0], np.inf)
 
 
+@pytest.mark.parametrize(("seeds", "beyond"), [(1, 0.0), (3, math.nan)])
+def test_a_seal_is_known_from_its_first_load_to_its_closing_or_its_last_load(
+    tmp_path: Path, seeds: int, beyond: float
+) -> None:
+    """A sweep ends closed along the flow, and open across it. Other patches are then open along the flow."""
+    text = COARSE.replace("seeds: 3", f"seeds: {seeds}").replace("to: percolation", "to: {percolation: x}")
+    ((seal,),) = curves(roughvol.run(loads(text), jobs=1, out=tmp_path).roughvol.derived()).values()
+    assert_array_equal(seal.at(seal.pressure[[0, -1]] * [0.9, 2.0]).value, [math.nan, beyond])
+    always = seal.load_where(lambda logs: np.full(len(logs), np.inf))
+    assert (always.value, always.low, always.high) == (0.0, 0.0, seal.begins)
+
+
 def test_the_interval_of_a_seal_holds_its_leak_between_steps(here: Path) -> None:
     """Of a leak at a load, and of the load of a leak."""
     ds = roughvol.run(loads(COARSE.replace("seeds: 3", "seeds: 6")), jobs=1)

@@ -60,19 +60,27 @@ def test_the_exponent_of_the_area_is_that_of_its_last_levels(results: Dataset) -
     assert math.isclose(float(row[1]), math.log2(means[-2] / means[-1]), rel_tol=1e-3)
 
 
-def test_ten_common_seeds_scatter_about_the_ratio_of_two_levels(results: Dataset) -> None:
+@pytest.mark.parametrize("known", [True, False])
+def test_ten_common_seeds_scatter_about_the_ratio_of_two_levels(results: Dataset, known: bool) -> None:
+    """A slope that is not known, as without scatter of a level, counts as 0."""
     coarse, noise = np.random.default_rng(1).standard_normal((2, 100_000))
     coarse, fine = 0.2 + 0.05 * coarse, 0.1 + 0.01 * coarse + 0.005 * noise
-    step, related = np.std(fine - fine.mean() / coarse.mean() * coarse), np.corrcoef(coarse, fine)[0, 1]
+    related = np.corrcoef(coarse, fine)[0, 1]
+    step = np.std(fine - fine.mean() / coarse.mean() * coarse) if known else math.hypot(0.005, 0.5 * 0.05)
     changed = results.copy(deep=True)
-    levels = {"mean": (0.2, 0.1), "variance": (coarse.var(), fine.var()), "correlation": (np.nan, related)}
-    for name, values in (levels | {"residual": (np.nan, (1.0 - related**2) * fine.var())}).items():
+    levels = {"mean": (0.2, 0.1), "variance": (coarse.var(), fine.var())}
+    levels |= {
+        "correlation": (np.nan, related if known else np.nan),
+        "residual": (np.nan, (1 - related**2) * fine.var()),
+    }
+    for name, values in levels.items():
         variable = changed[f"contact_area_fraction_level_{name}"].transpose("m", ...)
         variable[-2:] = np.reshape(values, (2, 1, 1))
     changed["ensemble_samples"].transpose("m", ...)[-2:] = np.reshape((100, 20), (2, 1))
     (found,) = answers([ClaimRun.of("trial", changed)])
     (row,) = [row for row in found.rows if row[0].startswith("n > 0") and row[0].endswith("D = 2.9")]
-    of_levels = math.hypot(half_width(0.005, 20), half_width(0.015, 100))  # residual; slopes of 0.2 and 0.5 times 0.05
+    apart = (0.5 - 0.2 * known) * 0.05  # slopes
+    of_levels = math.hypot(half_width(0.005, 20), half_width(apart, 100))
     for interval, wanted in ((row[2], half_width(float(step), 10)), (row[4], of_levels)):
         low, high = map(float, interval.split(" to "))
         assert math.isclose(0.5 * (high - low), wanted / (0.1 * math.log(2.0)), rel_tol=0.01)

@@ -114,6 +114,7 @@ def test_what_a_file_contradicts_is_placed_in_the_study(tmp_path: Path) -> None:
     ("rest", "key"),
     [
         ("material: {E: 10 MPa, nu: 0.3, thickness: 50 nm}", "material.thickness"),
+        ("material: {E: [5 MPa, 10 MPa], nu: 0.3, thickness: 50 nm}", "material.thickness"),
         ("sweep: {to: {mean_gap: 1 um}}", "sweep.to.mean_gap"),
         ("record: {fields_at: {separation: 1 um}}", "record.fields_at.separation[0]"),
         ("record: {dimensional: {mean_gap: um}}", "record.dimensional.mean_gap"),
