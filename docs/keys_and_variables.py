@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 
-from roughvol.observables.variables import VARIABLES
+from roughvol.observables.variables import MEAN_ENDS, OF_STATE, OF_YIELD, STATES, VARIABLES
 from roughvol.study.reference import Key, keys
 
+MEANT = tuple(name.removesuffix("_bias") for name in VARIABLES if name.endswith("_bias"))
+"""Quantities of an ensemble."""
 PAGE = Path(__file__).parent / "reference" / "keys-and-variables.md"
-HEAD = """# Reference
+HEAD = """# Keys and variables
 
 Keys of a study file, and variables of `study.nc`. `make reference` writes this page from the schema and the table of
-variables; `roughvol explain KEY` and `roughvol explain VARIABLE` print one row of it.
+variables. `roughvol explain KEY` and `roughvol explain VARIABLE` describe a name on a terminal.
 
 ## Keys of a study
 """
@@ -30,13 +35,25 @@ def page() -> str:
         for form in forms:
             lines += [f"**{form}**", ""] if form else []
             lines += ["| key | values | default | meaning |", "|---|---|---|---|"]
-            lines += [_line(key) for key in _of_form(inner, form)]
+            lines += [_line(key) for key in _once(_of_form(inner, form))]
             lines.append("")
     lines += ["## Variables of study.nc", "", "Starred numbers have the unit 1; `length` is the unit of L.", ""]
     lines += ["| name | symbol | unit | meaning | along | with |", "|---|---|---|---|---|---|"]
-    for name, row in VARIABLES.items():
-        cells = (f"`{name}`", row.symbol, row.units, row.long_name, row.dims, row.observable)
-        lines.append("| " + " | ".join(_cell(cell) for cell in cells) + " |")
+    made = _made()
+    alone = VARIABLES.keys() - {name for names in made.values() for name in names}
+    lines += [_row(f"`{name}`", *_words(name), VARIABLES[name].observable) for name in VARIABLES if name in alone]
+    lines += ["", "### Names made of others", ""]
+    for bases, forms in groupby(made, key=lambda form: tuple(made[form].values())):
+        lines += [f"With {', '.join(f'`{base}`' for base in bases)} for Q:", ""]
+        lines += ["| name | symbol | unit | meaning | along |", "|---|---|---|---|---|"]
+        for form in forms:
+            name, base = min(made[form].items(), key=lambda item: len(VARIABLES[item[0]].dims))
+            of, (symbol, units, meaning, along) = VARIABLES[base], _words(name)
+            symbol, meaning = symbol.replace(of.symbol, "Q"), re.sub(f"(the )?{re.escape(of.long_name)}", "Q", meaning)
+            units = units if len({VARIABLES[name].units for name in made[form]}) == 1 else "that of Q"
+            lines.append(_row(f"`{form[0]}`", symbol, units, meaning, along.replace(base, "Q")))
+        lines.append("")
+    del lines[-1]
     return "\n".join(lines) + "\n"
 
 
@@ -50,10 +67,45 @@ def _of_form(keys: list[Key], form: str) -> list[Key]:
     return found
 
 
+def _once(keys: list[Key]) -> list[Key]:
+    """Return the keys, those inside a key left out where an earlier key has the same inside."""
+    found: list[Key] = []
+    seen: dict[tuple[tuple[str, ...], ...], str] = {}
+    for parent, group in groupby(keys, key=lambda key: key.path.rpartition(".")[0]):
+        inner = list(group)
+        rows = tuple((key.path.removeprefix(parent), key.values, str(key.default), key.description) for key in inner)
+        same = seen.setdefault(rows, parent)
+        if same == parent or parent.count(".") == 0:
+            found += inner
+        else:
+            above = found.pop()
+            words = f"{above.description}; inside it the keys of {same.partition('.')[2]}"
+            found.append(replace(above, description=words))
+    return found
+
+
+def _made() -> dict[tuple[str, str], dict[str, str]]:
+    """Return the variables that are made of others, by the form of their name and the observable: name and base."""
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for name, row in VARIABLES.items():
+        for end in (*MEAN_ENDS, *(f"_{number}" for number in (*OF_STATE, *OF_YIELD, "step")), "_loaded", "_residual"):
+            bases = MEANT if end in MEAN_ENDS else VARIABLES if end in ("_loaded", "_residual") else STATES
+            if name.endswith(end) and (base := name.removesuffix(end)) in bases:
+                found.setdefault((f"Q{end}", row.observable), {})[name] = base
+    return found
+
+
+def _words(name: str) -> tuple[str, str, str, str]:
+    row = VARIABLES[name]
+    return row.symbol, row.units, row.long_name, row.dims
+
+
+def _row(*cells: str) -> str:
+    return "| " + " | ".join(map(_cell, cells)) + " |"
+
+
 def _line(key: Key) -> str:
-    name = f"`{key.path.partition('.')[2]}`" + (f" ({key.form})" if key.form and key.path.count(".") > 1 else "")
-    cells = (name, _cell(key.values), _code(key.default), _cell(key.description))
-    return "| " + " | ".join(cells) + " |"
+    return _row(f"`{key.path.partition('.')[2]}`", key.values, _code(key.default), key.description)
 
 
 def _code(default: str | None) -> str:
@@ -61,7 +113,7 @@ def _code(default: str | None) -> str:
 
 
 def _cell(text: str) -> str:
-    return text.replace("|", "\\|").replace("*", "\\*")
+    return re.sub(r"([|*]|<(?=Q))", r"\\\1", text)
 
 
 if __name__ == "__main__":
