@@ -346,8 +346,8 @@ def test_the_tutorial_runs_from_an_empty_folder():
     (_, module), (_, yaml), (_, use), (_, number), (_, mean) = blocks
     assert len([line for line in module.splitlines() if line.strip()]) <= 12
     Path("gaps.py").write_text(module)
-    Path("seal.yaml").write_text(yaml.replace("m: 6", "m: 3"))
-    roughvol.run("seal.yaml", jobs=1)
+    Path("gaps.yaml").write_text(yaml.replace("m: 6", "m: 3"))
+    roughvol.run("gaps.yaml", jobs=1)
     names = {}
     exec(use, names)
     total = float(names["ds"].gap_share.sum())

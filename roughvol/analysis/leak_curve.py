@@ -7,7 +7,7 @@ wide, so the error is rather too large. No factor is tuned. The leak falls with 
 leaks of the two steps.
 
 The error contains the true leak in 97 % of readings on random sweeps (``python -m tests.bench.read_off``,
-docs/how-to/read-offs.md).
+docs/explanation/notes/intervals.md).
 
 A way closes between its last open step and the next step, or at its solved closing load. Until then the leak lies
 between 0 and that of the open step. Its value is on the straight line to 0, as in `at`.

@@ -1,8 +1,8 @@
 """The error between the steps of an ensemble, by the interpolation at a state between two of them.
 
 Trial surfaces of a cheap level have more steps than the samples. With every k-th of these steps alone, the errors at
-the omitted steps are known. They hardly depend on the level (docs/how-to/ensemble.md). Their scatter over surfaces is
-part of the interval over seeds.
+the omitted steps are known. They hardly depend on the level (docs/explanation/notes/ensemble.md). Their scatter over
+surfaces is part of the interval over seeds.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Room of the observables: pure functions of arrays, and the reduction of a sweep to what a study asks for.
 
-An observable is a row of `variables.toml` and a function of a `View`. docs/reference/observables.md shows how to add
+An observable is a row of `variables.toml` and a function of a `View`. CONTRIBUTING.md shows how to add
 an observable.
 
 =================  ===================================================================
