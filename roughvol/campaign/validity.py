@@ -39,7 +39,7 @@ ATMOSPHERE = 101325.0  # Pa: the ambient of a gas, whose pressures are absolute;
 STIFF = 20.0  # GPa, E*: above polymers and rubber, below all structural metals
 UNLOADED = 1e-12  # p*: an unloaded surface to rounding
 FLOWS = ("leak_rate", "gas_leak_rate", "gas_transmissivity")  # stored flows of a pressure drop
-CLOSES_AT = 0.42  # A* at the closing of the last way (Persson & Yang 2008; Wang & Müser 2020)
+CLOSES_AT = 0.42  # A* at the closing of the last way (Persson & Yang 2008; Wang & Müser 2021)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import scipy
 from roughvol.gap.constriction import constriction
 from roughvol.typing import Array
 
-CLOSES_AT = 0.415  # A* at the closing of isotropic roughness (Wang & Müser 2020)
+CLOSES_AT = 0.415  # A* at the closing of isotropic roughness (Wang & Müser 2021)
 
 
 def effective_medium(gap: Array, exponent: float = 3.0, *, closes_at: float = 0.5) -> float:
@@ -19,7 +19,7 @@ def effective_medium(gap: Array, exponent: float = 3.0, *, closes_at: float = 0.
     share c of the elements or more are closed, s = c/(1 - c). For c = 1/2 it is Bruggeman's equation in two dimensions,
     Annalen der Physik 416 (1935) 636-664; for the gap of a contact: Lorenz & Persson (2010), arXiv:0911.3019. Any other
     c is Kirkpatrick's effective medium with s in place of z/2 - 1, Reviews of Modern Physics 45 (1973) 574.
-    Wang & Müser (2020), arXiv:2010.13470, find that roughness closes at `CLOSES_AT`.
+    Wang & Müser (2021), arXiv:2010.13470, find that roughness closes at `CLOSES_AT`.
     """
     values = gap[gap > 0.0]
     closed = gap.size - values.size
