@@ -149,14 +149,16 @@ def test_init_on_a_read_only_disk_says_so(monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("surface.against.file", ("must be given", "height field")),
-        ("sweep", ("sweep.steps", "{steps: 60, to: mean-plane, equal: indentation}")),
-        ("leak_rate", ("length^3/time", "volume flow along the axis")),
+        ("surface.against.file", ("height field", "must be given")),
+        ("sweep", ("{steps: 60, to: mean-plane, equal: indentation}", "sweep.steps")),
+        ("leak_rate", ("volume flow along the axis", "length^3/time")),
+        ("material", ("{E_star} or {E, nu}", "material.E_star", "where its key has a list")),
     ],
 )
-def test_explain_gives_values_default_unit_and_meaning(name: str, words: tuple[str, str]) -> None:
+def test_explain_gives_meaning_values_default_and_unit_in_order(name: str, words: tuple[str, ...]) -> None:
     shown = said("explain", name)
     assert [part for part in words if part not in shown] == []
+    assert sorted(words, key=shown.index) == list(words)
 
 
 def test_explain_knows_every_variable_and_the_columns_of_the_tables() -> None:

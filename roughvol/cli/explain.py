@@ -42,7 +42,7 @@ def explain(name: str | None) -> None:
     if found.gas is not None:
         _say_gas(found.name, found.gas)
         return
-    if found.variable is not None:
+    if found.variable is not None and not found.keys:
         _say_variable(found.name, found.variable, found.stored_by)
     for key in found.keys:
         default = "must be given" if key.default is None else key.default
@@ -55,6 +55,8 @@ def explain(name: str | None) -> None:
         listed.setdefault(key.path, textwrap.shorten(key.description, WIDTH - 20, placeholder=" …"))
     if listed:
         say(textwrap.indent(terminal.aligned(("key", "meaning"), list(listed.items())), "  "))
+    if found.variable is not None and found.keys:  # a section whose name is that of a variable too
+        _say_variable(found.name, found.variable, found.stored_by)
 
 
 def _say_facts(head: str, facts: Iterable[tuple[str, str]]) -> None:
@@ -65,11 +67,14 @@ def _say_facts(head: str, facts: Iterable[tuple[str, str]]) -> None:
 
 
 def _say_variable(name: str, row: Variable, stored_by: str) -> None:
+    from roughvol.observables.variables import LISTED
+
+    others = "every study, or as docs/reference/observables.md describes"
     facts = (
         ("meaning", row.long_name),
         ("units", row.units),
         ("along", row.dims.replace("...", "D m seed (or case)") or "none, one number"),
-        ("stored", stored_by or "every study, or as docs/reference/observables.md describes"),
+        ("stored", stored_by or ("where its key has a list" if name in LISTED else others)),
         ("from", row.source),
     )
     kept = [fact for fact in facts if fact[1] and (row.stored or fact[0] != "stored")]

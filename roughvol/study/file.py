@@ -39,7 +39,7 @@ class StudyFile(Strict):
     material: Annotated[
         Annotated[ContactModulus, Tag("<modulus>")] | Annotated[YoungPoisson, Tag("<young>")],
         Discriminator(tag_material),
-    ] = default(ContactModulus(), "{E_star} or {E, nu}, optionally hardness")
+    ] = default(ContactModulus(), "{E_star} or {E, nu}, optionally hardness, thickness, against")
     sweep: Annotated[Annotated[Sweep, Tag("<sweep>")] | Annotated[Legs, Tag("<path>")], Discriminator(tag_sweep)] = (
         default(Sweep(), "{steps, to}: number of steps and last state; or a list of these, legs up and down")
     )

@@ -146,8 +146,8 @@ Part = Annotated[tuple[Position, Position], TWO, RISING]
 class Crop(Strict):
     """A rectangle of a measured map, as shares of its sides or lengths with a unit."""
 
-    x: Part = default((0.0, 1.0), "[from, to] on the first axis: shares 0 <= from < to <= 1, or lengths [1 um, 3 um]")
-    y: Part = default((0.0, 1.0), "[from, to] on the second axis: shares 0 <= from < to <= 1, or lengths [1 um, 3 um]")
+    x: Part = default((0.0, 1.0), "part [from, to] of axis x: shares 0 <= from < to <= 1, or lengths [1 um, 3 um]")
+    y: Part = default((0.0, 1.0), "part [from, to] of axis y: shares 0 <= from < to <= 1, or lengths [1 um, 3 um]")
 
 
 class Outliers(Strict):

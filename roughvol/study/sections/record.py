@@ -106,16 +106,16 @@ class Transport(Choice):
 
     percolation: States | None = optional(f"percolation, connected and trapped volume, clusters, pockets: {_WHEN}")
     constriction: States | None = optional(f"critical gap and its position, x and y: {_WHEN}")
-    transmissivity: States | None = optional(f"flow of div(g^3 grad P) = 0, x and y: {_WHEN}")
-    quadrants: States | None = optional(f"flow of div(g^3 grad P) = 0 through the four quadrants, x and y: {_WHEN}")
-    diffusivity: States | None = optional(f"flow of div(g grad P) = 0, x and y: {_WHEN}")
-    cell_transmissivity: States | None = optional(f"flow of div(g^3 grad P) = 0 through a periodic plane: {_WHEN}")
+    transmissivity: States | None = optional(f"flow of a liquid, div(g^3 grad P) = 0, x and y, for leak rates: {_WHEN}")
+    quadrants: States | None = optional(f"flow of a liquid through the four quadrants, x and y: {_WHEN}")
+    diffusivity: States | None = optional(f"diffusion, div(g grad P) = 0, x and y: {_WHEN}")
+    cell_transmissivity: States | None = optional(f"flow of a liquid through an endless periodic plane: {_WHEN}")
     gas_flow: States | None = optional(f"flow of the gas of the section fluid, x and y, also at flux_at: {_WHEN}")
     estimates: States | None = optional(f"both coefficients by effective medium and by single junction: {_WHEN}")
     closing: Annotated[bool | None, AfterValidator(lambda given: given or None)] = optional(
         "load at which the last way along x and y closes on loading, solved between the steps or beyond: true or false"
     )
-    flux_at: Selector | None = optional(f"flux of div(g^3 grad P) = 0 as fields: {IN_WORDS}")
+    flux_at: Selector | None = optional(f"flux of a liquid as fields: {IN_WORDS}")
     accuracy: FlowAccuracy | None = optional(
         "allowed relative error of a flow, 1e-12 to 0.1, or as 0.1 %; default: 1e-4"
     )
@@ -134,8 +134,8 @@ Span = Annotated[tuple[Fraction, Fraction], TWO, RISING]
 class Region(Strict):
     """A rectangle of the surface, as shares of its sides."""
 
-    x: Span = default((0.0, 1.0), "[from, to] along the first axis over its length, 0 <= from < to <= 1")
-    y: Span = default((0.0, 1.0), "[from, to] along the second axis over its length, 0 <= from < to <= 1")
+    x: Span = default((0.0, 1.0), "part [from, to] of axis x over its length, 0 <= from < to <= 1")
+    y: Span = default((0.0, 1.0), "part [from, to] of axis y over its length, 0 <= from < to <= 1")
 
     @property
     def label(self) -> str:
@@ -169,11 +169,13 @@ INTERIOR = (("x", (0.25, 0.75)), ("y", (0.25, 0.75)))  # the central half of eac
 class Record(Strict):
     """Quantities stored beside the numbers of every step."""
 
-    heights: bool = default(False, "store the heights: true or false")
+    heights: bool = default(False, "store the heights of the undeformed surface: true or false")
     residual_heights: bool = default(False, "store the heights left by plastic displacement, at the end: true or false")
     fields_at: Selector | None = optional(f"gap and pressure as fields: {IN_WORDS}")
-    box_counting: BoxCounting | None = optional("box counting; {}: defaults")
-    volume_density: VolumeDensity | None = optional("density of the element volumes; {}: defaults")
+    box_counting: BoxCounting | None = optional("box counts and local dimension of the free volume; {}: defaults")
+    volume_density: VolumeDensity | None = optional(
+        "probability density f(v) of the free volumes of elements; {}: defaults"
+    )
     texture: Annotated[Texture | None, Switch()] = optional(
         "texture before load and of the deformed surface (Sa, Ssk, Sku, Sp, Sv, Sz, Svi, Sbi, material "
         "ratio, structure function): true, false or {at: states}"
@@ -183,7 +185,7 @@ class Record(Strict):
         "and curvature by scale, and Nayak's parameter: true (before load), false or {at: states}"
     )
     contact_perimeter: bool = default(False, "perimeter of the contact at every step, for the corrected contact area")
-    transport: Transport | None = optional("quantities of the void, each with its states")
+    transport: Transport | None = optional("ways and flows through the gap, each with its states")
     fluid_pressure: FluidPressure | None = optional("contact under fluid pressure: {inlet: 5 bar, at: states}")
     region: Annotated[Region, Word("interior", INTERIOR)] | None = optional(
         "region of all observables but heights and fields: 'interior' (the central half of each side) or "

@@ -121,7 +121,9 @@ class GeneratedSurface(Sized):
     )
     L: Length = default(100.0, "lateral size, L > 0, as 100 or 100 um")
     seeds: Seeds = Field(default=10)  # type: ignore[arg-type]  # a number, see `_counted`
-    midpoint_law: Literal["std", "variance"] = default("std", "quantity divided by 2^((3-D)/2) in each half step")
+    midpoint_law: Literal["std", "variance"] = default(
+        "std", "'std': each half step divides the standard deviation by 2^((3-D)/2); 'variance': the variance"
+    )
     sides: Sides = default("free", SIDES)
     unit: LengthUnit | None = optional(UNIT)
     Sq: Length | None = optional("root mean square height, > 0, with its unit or in that of L; default: not scaled")
