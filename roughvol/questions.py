@@ -186,7 +186,7 @@ def ask(
     Raises
     ------
     StudyError
-        If the run has no leak rates, yields, or has several D, m or values of a list.
+        If the run has no leak rates, or several D, m or values of a list. If it yields, for a modulus or an Sq.
 
     See Also
     --------
