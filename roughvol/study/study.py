@@ -159,9 +159,9 @@ class Study(StudyFile):
                     allowed = "one length and one unit, as by surface.crop and surface.unit"
                     raise refused(f"the files differ in L: {first}, {other}; allowed: {allowed}", "surface.files")
                 made = case(kernel=self.kernel(unit), gas=self._gas(unit), **{**vars(measured), "L": L})
-                if found and (rows := made.shape[0]) != (of_first := found[0].shape[0]):
-                    nodes = f"{made.label} has {rows} nodes along x and {found[0].label} {of_first}"
-                    made = replace(made, notes=(*made.notes, f"{nodes}, on an equal L: their spacings differ"))
+                if found and surface.L is not None and (rows := made.shape[0]) != (others := found[0].shape[0]):
+                    nodes = f"{made.label} has {rows} nodes along x and {found[0].label} {others}"
+                    made = replace(made, notes=(*made.notes, f"{nodes}, on the L of the study: their spacings differ"))
                 if same := next((other for other in found if other.id == made.id), None):
                     both = f"{same.label} and {made.label}"
                     raise refused(f"{both} hold the same bytes and are one case by name: rename one", "surface.files")

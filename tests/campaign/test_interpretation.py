@@ -115,7 +115,7 @@ def test_doubts_of_each_file_are_given_and_a_spacing_of_another_file_is_one() ->
     np.save("a.npy", HEIGHTS)
     np.save("b.npy", HEIGHTS[:6])
     study = {"surface": {"files": ["a.npy", "b.npy"], "L": "1 mm", "heights_unit": "m"}, "sweep": {"steps": 1}}
-    expected = "b.npy has 6 nodes along x and a.npy 9, on an equal L: their spacings differ"
+    expected = "b.npy has 6 nodes along x and a.npy 9, on the L of the study: their spacings differ"
     with pytest.warns(RoughvolWarning, match=expected):
         ds = roughvol.run(study, jobs=1)
     assert expected in ds.attrs["warnings"].splitlines()
