@@ -132,7 +132,7 @@ class Accessor:
         ----------
         **wanted : str or Unit
             Unit by the name of a variable, as ``nominal_pressure="kPa"``. Leaks at recorded states have the unit of
-            ``leak_rate``.
+            ``leak_rate``, and ranges over surfaces that of their number.
 
         Returns
         -------

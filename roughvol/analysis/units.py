@@ -47,7 +47,7 @@ def in_units(ds: Dataset, units: MutableMapping[str, str]) -> Dataset:
     """Return a dataset with its variables in given units; a variable whose unit cannot be converted is unchanged.
 
     The unit of a variable without one is added to ``units``, so that later datasets follow. Leaks at recorded states,
-    and those of the dry gap, have the unit of the leak along the steps.
+    and those of the dry gap, have the unit of the leak along the steps. A range over surfaces has that of its number.
     """
     changed, kelvin = {}, _kelvin(ds)
     for given in list(units):
@@ -83,9 +83,10 @@ def for_pint(ds: Dataset, name: str, wanted: str | None) -> tuple[Array, str]:
 
 
 def _along_steps(name: str) -> str:
-    """Return the name of a leak along the steps, of one at recorded states or of the dry gap; other names unchanged."""
-    flow = name.removeprefix("flux_at_").removeprefix("fluid_").removesuffix("_dry")
-    return flow if flow in LEAKS else name
+    """Return the leak along the steps, of a leak at recorded states or of the dry gap, and the number of a range."""
+    number = name.removesuffix("_range")
+    flow = number.removeprefix("flux_at_").removeprefix("fluid_").removesuffix("_dry")
+    return flow if flow in LEAKS else number
 
 
 def _kelvin(ds: Dataset) -> float | None:

@@ -50,6 +50,8 @@ def test_the_mean_and_its_count_leave_out_missing_surfaces(swept: Dataset) -> No
     means = found.roughvol.mean("seed")
     assert np.allclose(means["separation"], found["separation"].mean("seed"), equal_nan=True)
     assert np.array_equal(means["separation_count"], found["reached"].sum("seed"))
+    in_mm = means.roughvol.in_units(Sq="mm")
+    assert np.allclose(1e3 * in_mm["Sq_range"], means["Sq_range"], rtol=1e-12, equal_nan=True)
     of_bound = found.assign_coords(bound="lower").roughvol.mean("seed")  # as of an answer of an ensemble at one bound
     assert of_bound["separation_range"].identical(means["separation_range"])
 
