@@ -565,13 +565,18 @@ def show(run: Dataset | StoredRun | str | Path | None = None, at: Loads = (), *,
     return screen.records(Run.of(found.name, found.dataset), levels(at))
 
 
-def compare(runs: Sequence[Dataset | StoredRun | str | Path], at: Loads = (), *, changes: Changes = ()) -> Compared:
+def compare(
+    runs: Sequence[Dataset | StoredRun | str | Path] | Mapping[str, Dataset | StoredRun | str | Path],
+    at: Loads = (),
+    *,
+    changes: Changes = (),
+) -> Compared:
     """Return the numbers of several runs at equal loads: `roughvol compare`.
 
     Parameters
     ----------
-    runs : sequence of Dataset, StoredRun, path or name
-        Two runs or more; a run with lists counts as its combinations.
+    runs : sequence of Dataset, StoredRun, path or name, or mapping of labels to them
+        Two runs or more; a run with lists counts as its combinations. Labels name the rows, in place of names.
     at : str or mapping, or sequence of them
         Loads, as ``"pressure=0.5 MPa"`` or ``{"pressure": "0.5 MPa"}``. Default: pressures that all runs reach.
     changes : mapping or sequence of str
@@ -604,9 +609,12 @@ def compare(runs: Sequence[Dataset | StoredRun | str | Path], at: Loads = (), *,
     from roughvol.analysis.stored_run import Run
     from roughvol.report import screen
 
+    labels = list[str]()
+    if isinstance(runs, Mapping) and not hasattr(runs, "attrs"):  # a dataset is a mapping with attributes
+        labels, runs = list(map(str, runs)), list(runs.values())
     each = _each_opened(runs, changes)
     files = [run.file for run in each]
-    stored = [Run.of(name, run.dataset) for name, run in zip(stored_run.names_of(files), each, strict=True)]
+    stored = [Run.of(name, run.dataset) for name, run in zip(labels or stored_run.names_of(files), each, strict=True)]
     parts = [(file, part.name) for file, run in zip(files, stored, strict=True) for part in run.parts]
     if len(parts) < 2:
         raise DatasetError("compare takes two runs or more; one is shown by: roughvol show RUN")

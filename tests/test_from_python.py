@@ -107,6 +107,7 @@ WRONG: list[tuple[Callable[[Any], Any], Any, str]] = [
     (roughvol.show, b"joint", "a run is a name, a path or a dataset, given a value of the type bytes"),
     (roughvol.compare, "joint", f"{RUNS}str"),
     (roughvol.compare, 3, f"{RUNS}int"),
+    (roughvol.compare, xr.Dataset(), f"{RUNS}Dataset"),
     (roughvol.report_on, Path("joint"), f"{RUNS}PosixPath"),
     (roughvol.report_on, {"joint": 1}, f"{RUNS}dict"),
     (roughvol.plot, {}, "plot takes one run or more, given an empty mapping"),
@@ -150,6 +151,12 @@ def test_an_argument_of_a_type_without_meaning_is_named(
     with pytest.raises(roughvol.errors.RoughvolError, match=f"^{words}"):
         function(argument)
     assert not list(here.iterdir())
+
+
+def test_labels_name_the_runs_of_a_comparison() -> None:
+    """Two datasets in memory had the name press both."""
+    rows = roughvol.compare({"soft": pressed(), "hard": pressed()}, "last").records().frame()
+    assert rows["run"].tolist() == ["soft", "hard"]
 
 
 def test_cases_are_taken_from_a_generator(tmp_path: Path) -> None:
