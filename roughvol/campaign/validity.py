@@ -386,6 +386,7 @@ def _of_states(given: Setting, states: _States) -> Iterator[Finding]:
     """Yield the findings with a number for each state, NaN where it is not judged."""
     nominal, compared = states.nominal, np.isfinite(states.starred)
     flow, unknown = states.flow & compared, np.full_like(states.nominal, math.nan)
+    loaded = np.where(states.starred > UNLOADED, nominal, math.nan)  # a fluid opens and widens no unloaded joint
     contact, load = states.above or (unknown, unknown)
     yielding = given.modulus / given.hardness if given.yields and given.hardness is not None else math.nan
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -394,8 +395,8 @@ def _of_states(given: Setting, states: _States) -> Iterator[Finding]:
             "thickness": (states.deepest / given.thickness, compared),
             "hardness": (load, compared),
             "persistence": (nominal * yielding if given.scaled else unknown, compared),
-            "fluid": (given.fluid / np.where(states.starred > UNLOADED, nominal, math.nan), flow),
-            "pressure_drop": (given.drop / nominal, flow),
+            "fluid": (given.fluid / loaded, flow),
+            "pressure_drop": (given.drop / loaded, flow),
         }
     words = {name: f"{100.0 * states.highest(each):.3g} %" for name, each in (("contact", contact), ("load", load))}
     words |= {"hardness": given.hardness_text, "fluid": _pressure(given, given.fluid), "sides": given.fluid_text}
@@ -405,11 +406,10 @@ def _of_states(given: Setting, states: _States) -> Iterator[Finding]:
         if not beyond.any():
             continue
         least, p = nominal[beyond].min(), states.starred[beyond].min()
-        largest = nominal[beyond].max() if states.starred[beyond].max() > UNLOADED else 0.0
         words |= {
             "highest": f"{np.nanmax(number[beyond]):.2g}",
             "least": _pressure(given, least) if given.scaled and given.unit else f"p* = {p:.3g}",
-            "largest": _pressure(given, largest),
+            "largest": _pressure(given, nominal[beyond].max()),
             "extent": f"{beyond.sum()} of {among.sum()} states",
         }
         if (of_cases := among.any(-1).sum()) != 1:
