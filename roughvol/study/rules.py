@@ -43,7 +43,7 @@ _PLANE = "needs surface.sides: periodic and no record.region: a part of a plane 
 _ELASTIC = "needs elastic contact: material.plastic is true and a hardness given"
 _NO_HARDNESS = "solver method 'paper' takes no hardness; allowed: material.plastic: false"
 _PATCHES = "excluded by 'ensemble': patches of a seal are surfaces of one load, as surface.seeds: 10"
-_NO_DISPLACEMENT = "no plastic displacement: give material.hardness"
+_NO_DISPLACEMENT = "no plastic displacement: give material.hardness, and no material.plastic: false"
 NEEDS = (  # key, the key or property it needs, message
     ("record.transport.gas_flow", "fluid", _FLUID),
     ("record.transport.cell_transmissivity", "surface.periodic", _PLANE),

@@ -201,7 +201,7 @@ def low_pass(heights: Array, spacing: float, cut_off: float) -> Array:
     shorter = spacing * (min(heights.shape) - 1)
     if not 2.0 * spacing <= cut_off <= shorter:
         allowed = f"{2.0 * spacing:.6g} (twice the spacing) to {shorter:.6g} (the shorter side)"
-        raise SurfaceError(f"low_pass is {cut_off:.6g}; allowed: {allowed}")
+        raise SurfaceError(f"low_pass is {cut_off:.6g} in the unit of L; allowed: {allowed}")
     from scipy import signal  # imports scipy.stats: half a second, for this filter alone
 
     reach = math.ceil(REACH * cut_off / spacing)

@@ -80,7 +80,7 @@ def test_a_changed_value_is_placed_at_the_argument_in_python_and_at_the_option_o
     ("key", "value", "said"),
     [
         ("material.thickness", "1 um", "the layer has a thickness of"),
-        ("surface.low_pass", "1 um", r".*z\.npy: low_pass is 1; allowed: 133\.333 "),
+        ("surface.low_pass", "1 um", r".*z\.npy: low_pass is 1 in the unit of L; allowed: 133\.333 "),
         ("surface.outliers", "{sigma: 3}", r".*z\.npy: outliers: "),
     ],
 )

@@ -49,7 +49,7 @@ def test_holes_of_both_bodies_are_counted_once(folder):
     [
         ("file: holed.npy", r"holed\.npy: 4 heights are missing"),
         ("file: a.npy, against: {file: holed.npy}", r"holed\.npy: 4 heights are missing"),
-        ("file: a.npy, low_pass: 0.4", r"a\.npy: low_pass is 0\.4; allowed: 0\.5 .* to 2 "),
+        ("file: a.npy, low_pass: 0.4", r"a\.npy: low_pass is 0\.4 in the unit of L; allowed: 0\.5 .* to 2 "),
     ],
 )
 def test_what_cannot_be_pressed_is_refused_by_name(folder, surface, said):
