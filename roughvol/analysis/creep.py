@@ -220,9 +220,9 @@ def _within_reach(
         k = int(late[0])
         until = f"reached up to {seconds[k - 1]:.4g} s" if k else "reached at no time"
         raise refused(
-            f"at {seconds[k]:.4g} s the state is that of {equivalent[k]:.4g} {unit} (p = {pressure:.4g} {unit}, "
-            f"J(t)/J(0) = {equivalent[k] / pressure:.4g}); the sweep ends at {high:.4g} {unit}, {until}: press "
-            "farther, or ask for less"
+            f"at {seconds[k]:.4g} s the state is that of {equivalent[k]:.6g} {unit} (p = {pressure:.4g} {unit}, "
+            f"J(t)/J(0) = {equivalent[k] / pressure:.6g}); the leak is known up to {high:.6g} {unit}, {until}: press "
+            "farther, record the flow at every step, or ask for less"
         )
 
 

@@ -158,7 +158,7 @@ def test_the_command_writes_a_table_and_a_figure(run: Dataset, folder: Path, tmp
     assert head[:5] == ["time [s]", "J(t)/J(0)", "p J(t)/J(0) [MPa]", "A*", "leak x [mm^3/s]"]
     assert [float(row[0]) for row in rows] == [1.0, 3600.0]
     assert (tmp_path / "out" / "creep.png").stat().st_size > 10_000
-    assert "the sweep ends at" in refused(*_asked(folder, tmp_path, at="pressure=1 MPa"))
+    assert "the leak is known up to" in refused(*_asked(folder, tmp_path, at="pressure=1 MPa"))
     without = refused("creep", folder, "--law", tmp_path / "creep.yaml", "--times", "1 s")
     assert "needs its constant load, as --at pressure=0.1MPa" in without
 
@@ -295,11 +295,11 @@ OPEN_AT_LAST = [[9.0, 8.0, 7.0, 6.0], [9.0, 6.0, math.nan, math.nan]]
 @pytest.mark.parametrize(
     ("change", "pressure", "words"),
     [
-        (lambda run: run, 0.03, "sweep ends at .* reached up to"),
+        (lambda run: run, 0.03, "known up to .* reached up to"),
         (lambda run: run, 0.1, "reached at no time"),
         (lambda run: run, 1e-6, "known from"),
         (lambda run: _swept(UNKNOWN_FIRST, run), 1e-3, r"that of 0\.001 MPa; the leak is known from 0\.002 MPa on"),
-        (lambda run: _swept(OPEN_AT_LAST, run), 1e-3, r"the sweep ends at 0\.002 MPa, reached up to 2 s"),
+        (lambda run: _swept(OPEN_AT_LAST, run), 1e-3, r"the leak is known up to 0\.002 MPa, reached up to 2 s"),
         (lambda run: run.assign(contact_area_fraction=-run.contact_area_fraction), 0.01, "contact area falls"),
         (lambda run: run.drop_vars("contact_area_fraction"), 0.01, "contact_area_fraction is not in the dataset"),
         (lambda run: run.assign(plastic_volume=run.free_volume), 0.01, "yields"),
