@@ -2,7 +2,7 @@
 
 A sine across, flat along; a fluid flows along it while it is pressed. Loads rise under pressure until no way is open.
 
-    python -m tests.bench.wavy_channel                        the table of docs/how-to/fluid-pressure.md
+    python -m tests.bench.wavy_channel                        the table of docs/explanation/literature.md
     python -m tests.bench.wavy_channel --figure docs/pictures/wavy-channel.png
 """
 
