@@ -78,9 +78,9 @@ def _once(keys: list[Key]) -> list[Key]:
         if same == parent or parent.count(".") == 0:
             found += inner
         else:
-            above = found.pop()
-            words = f"{above.description}; inside it the keys of {same.partition('.')[2]}"
-            found.append(replace(above, description=words))
+            levels = f"levels by the keys of {same.partition('.')[2]}"
+            words = re.sub("levels of step, .*?, load", levels, found[-1].description)
+            found[-1] = replace(found[-1], description=words)
     return found
 
 
