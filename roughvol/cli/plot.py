@@ -51,9 +51,9 @@ def plot(
 ) -> None:
     """Draw figures from RUN: a folder, a study.nc, a study file, or a name under runs/ [default: the latest].
 
-    Figures of the paper are fig01 to fig12b, in the folder paper. Those of the flow through the gap are seal_volume to
-    seal_map. Others are named by content: v_of_p is V* over p*, with p, a, v, d, i for p*, A*, V*, d/σ, Δ/σ, and gap,
-    leak, flow.
+    Figures are named by content: leak_of_p is the leak over the pressure, with p, a, v, d, i for p, A*, V*, d/σ, Δ/σ,
+    and gap, leak, flow (T*), stiffness, conductance. Those of the flow through the gap are seal_volume to seal_map.
+    Figures of the paper are fig01 to fig12b, in the folder paper.
 
     Several runs are overlaid in figures named by content, into runs/compared, and so are the combinations of a study
     with lists, into its own figures. Without FIGURE, v_of_p, a_of_p, v_of_a, v_of_d, gap_of_p and leak_of_p are drawn,
