@@ -24,8 +24,8 @@ class StudyFile(Strict):
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$", max_length=100)] = default(
         "study",
-        "letters A-Z and a-z, digits, _, - and dots, at most 100, a letter, digit or _ first; "
-        "default: that of the study file",
+        "name of the run and its folder: letters A-Z and a-z, digits, _, - and dots, at most 100, a letter, digit or _ "
+        "first; default: that of the study file",
     )
     surface: Annotated[
         Annotated[GeneratedSurface, Tag("<generated>")]

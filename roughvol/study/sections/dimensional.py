@@ -46,7 +46,9 @@ class Dimensional(Choice):
     mean_gap: LengthUnit | None = optional("store the mean gap V* Sq in this unit, as um")
     separation: LengthUnit | None = optional("store the separation d of the mean planes in this unit, as um")
     critical_gap: LengthUnit | None = optional("store the critical gaps along x and y in this unit, as um")
-    leak_rate: LeakRate | None = optional("leak rates along x and y: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit}")
+    leak_rate: LeakRate | None = optional(
+        "leak rates along x and y, of transport.transmissivity: {pressure_drop: 1 bar, viscosity: 1 mPa*s, unit}"
+    )
     gas_leak_rate: Annotated[str, unit_name("throughput")] | None = optional(
         "store the leak rates of the gas (section fluid) in this unit, as mbar*l/s or sccm"
     )
