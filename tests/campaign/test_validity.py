@@ -21,7 +21,7 @@ from roughvol.store import dataset
 from roughvol.store.dataset import Dataset
 from roughvol.study import Level, load, loads
 from roughvol.surfaces.surface import Surface
-from tests.campaign.kit import case_of, collected, solved
+from tests.campaign.kit import case_of, collected
 from tests.kit import call
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -86,11 +86,7 @@ def test_shares_are_stored_for_every_step_from_the_pressure_field(region: str) -
     assert values[HARD[1]].max() > 0.5
 
 
-def test_a_harder_metal_yields_less_and_a_very_hard_one_nowhere() -> None:
-    hardnesses = ("0.1 GPa", "5 GPa", "1000 GPa")
-    shares = [float(solved(ONE + METAL.replace("1 GPa", hardness))[HARD[0]][-1]) for hardness in hardnesses]
-    assert shares == sorted(shares, reverse=True)
-    assert (shares[0] > 0.9, shares[-1]) == (True, 0.0)
+def test_a_very_hard_metal_is_not_named() -> None:
     assert "hardness" not in _after(SMALL + METAL.replace("1 GPa", "1000 GPa"))
 
 

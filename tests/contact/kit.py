@@ -13,7 +13,6 @@ from scipy.optimize import nnls
 from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.kernels import influence_matrix, kernel_of
 from roughvol.contact.loading import solve, sweep
-from roughvol.reproduction import closed_forms
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.surface import Surface
 
@@ -64,12 +63,6 @@ def dense_matrix(influence):
     rows, columns = influence.shape
     row, column = np.divmod(np.arange(rows * columns), columns)
     return influence[np.abs(row[:, None] - row), np.abs(column[:, None] - column)]
-
-
-def love_influence(shape):
-    """Love's coefficients from the closed form of the loaded rectangle, which shares no line with `love_kernel`."""
-    rows, columns = shape
-    return math.pi * closed_forms.rectangle_displacement(np.arange(rows)[:, None], np.arange(columns), (1.0, 1.0))
 
 
 @lru_cache

@@ -12,7 +12,7 @@ from roughvol.contact.kernels import punch_kernel as punch
 from roughvol.contact.loading import solve, sweep
 from roughvol.contact.search import indentation_for
 from roughvol.errors import ContactError
-from tests.contact.kit import coefficients, dense, dense_matrix, every_body, fractal, half_space, love_influence, random
+from tests.contact.kit import coefficients, dense, dense_matrix, every_body, fractal, half_space, random
 from tests.refused import refusals
 
 EPS = np.finfo(float).eps
@@ -21,18 +21,14 @@ EPS = np.finfo(float).eps
 def test_love_kernel_is_the_integral_over_the_element():
     nodes, weights = np.polynomial.legendre.leggauss(24)
     for x, y in (
-        *[(1, 0), (1, 1), (2, 0), (3, 7), (0.25, 3), (44, 0)],  # neighbours, an offset between nodes
+        *[(1, 0), (0, 1), (1, 1), (2, 0), (3, 7), (7, 2), (0.25, 3), (44, 0)],  # neighbours, an offset between nodes
         *[(63, 0), (64, 0), (64, 1), (65, 0), (65, 1), (45, 45), (46, 46)],  # both sides of the change of form
         *[(200, 3), (8192, 0), (8192, 1), (8192, 8191), (1e6, 1e6)],
     ):
         distance = np.hypot(x - 0.5 * nodes[:, None], y - 0.5 * nodes)
         integral = np.sum(np.outer(weights, weights) / 4.0 / distance)
         assert float(love_kernel(x, y)) == pytest.approx(integral, rel=1e-13), (x, y)
-
-
-def test_coefficients_of_love_are_those_of_a_loaded_rectangle():
     assert float(love_kernel(0.0, 0.0)) == pytest.approx(4.0 * math.log(1.0 + math.sqrt(2.0)), rel=4 * EPS)
-    np.testing.assert_allclose(coefficients((17, 33)), love_influence((17, 33)), rtol=1e-12)
 
 
 def test_punch_kernel_values():
@@ -41,7 +37,7 @@ def test_punch_kernel_values():
 
 
 def test_influence_matrix_is_k_of_the_offsets():
-    influence = coefficients((33, 65))
+    influence = coefficients((17, 33))
     elements = np.sort(random(4).choice(influence.size, 40, replace=False))
     assert np.array_equal(influence_matrix(influence, elements), dense_matrix(influence)[np.ix_(elements, elements)])
     every_eighth = influence[::8, ::8]  # a view, as blocks have it

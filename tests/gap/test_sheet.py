@@ -38,7 +38,9 @@ def exact(along, across, *, ring=False):
     return float(flow * n / m)
 
 
-@pytest.mark.parametrize(("shape", "ring"), [((2, 3), False), ((5, 4), False), ((4, 6), True), ((2, 2), True)])
+@pytest.mark.parametrize(
+    ("shape", "ring"), [((2, 3), False), ((5, 4), False), ((4, 1), False), ((4, 6), True), ((2, 2), True)]
+)
 @pytest.mark.parametrize("scatter", [1.5, 20.0])
 def test_agrees_with_the_matrix_of_its_nodes_in_all_digits(shape, scatter, *, ring):
     along, across = np.exp(logs(shape, 1, scatter)), np.exp(logs((shape[0] - 1, shape[1]), 2, scatter))
@@ -76,33 +78,9 @@ def test_the_product_with_the_dual_sheet_is_one(shape):
     assert sheet.conductance(along, across) * sheet.conductance(1.0 / along.T, dual) == pytest.approx(1.0, rel=1e-12)
 
 
-def test_limits_of_patches_side_by_side_and_in_a_row():
-    one_row, one_column = np.exp(logs((1, 9), 7)), np.exp(logs((9, 1), 8))
+def test_patches_side_by_side_conduct_their_mean():
+    one_row = np.exp(logs((1, 9), 7))
     assert sheet.conductance(one_row, np.empty((0, 9))) == pytest.approx(one_row.mean())
-    harmonic = 1.0 / np.mean(1.0 / one_column)
-    assert sheet.conductance(one_column, np.ones((8, 1))) == pytest.approx(harmonic, rel=1e-12)
-    assert sheet.closing(one_row, np.empty((0, 9))) == one_row.max()
-    assert sheet.closing(one_column, np.ones((8, 1))) == one_column.min()
-
-
-def test_many_patches_alike_in_all_directions_conduct_their_geometric_mean():
-    found = np.log(sheet.conductance(np.exp(logs((40, 24, 24), 12, 2.0)), np.exp(logs((40, 23, 24), 13, 2.0))))
-    error = np.std(found, ddof=1) / np.sqrt(len(found))
-    assert abs(np.mean(found)) < 3.0 * error < 0.12
-
-
-def test_a_sheet_is_between_its_bounds():
-    """Means along the flow (Wiener), columns without cross flow and lines of one pressure (Cardwell & Parsons)."""
-    along, across = np.exp(logs((30, 4, 6), 14)), np.exp(logs((30, 3, 6), 15))
-    columns, lines = (1.0 / along).mean(axis=1), along.mean(axis=2)
-    bounds = (
-        1.0 / (1.0 / along).mean(axis=(1, 2)),
-        (1.0 / columns).mean(axis=1),
-        sheet.conductance(along, across),
-        1.0 / (1.0 / lines).mean(axis=1),
-        along.mean(axis=(1, 2)),
-    )
-    assert np.all(np.diff(bounds, axis=0) > 0.0)
 
 
 def test_decades_between_patches_leave_the_widest_way():

@@ -40,8 +40,8 @@ def law_of(i, j, spectrum, hurst):
 
 @pytest.mark.parametrize(("hurst", "rolloff", "anisotropy"), [(0.2, 4.0, 1.0), (0.8, 1.0, 1.0), (0.9, 4.0, 3.0)])
 def test_with_random_phases_every_wave_has_the_amplitude_of_the_law(hurst, rolloff, anisotropy):
-    spectrum = replace(LAW, rolloff=rolloff, phases="random", anisotropy=anisotropy)
-    waves = waves_of(made(spectrum, hurst))
+    spectrum = replace(LAW, rolloff=rolloff, cut=16.0, phases="random", anisotropy=anisotropy)
+    waves = waves_of(made(spectrum, hurst, n=32))
     law = {k: law_of(*k, spectrum, hurst) for k in waves}
     scale = LAW.Sq**2 / sum(law.values())
     for k, wave in waves.items():
@@ -81,11 +81,8 @@ def test_the_slope_is_the_one_asked_for_and_that_of_a_gradient_by_waves():
 
 def moment(spectrum, hurst, order):
     """Return a moment of the isotropic spectrum, ∫ k^order k C(k) dk from 1 to L/λ_s, in units of C0."""
-    rolloff, cut = spectrum.rolloff, spectrum.cut
-    plateau = (rolloff ** (order + 2) - 1.0) / (order + 2)
-    power = order - 2.0 * hurst
-    falling = ((cut / rolloff) ** power - 1.0) / power
-    return plateau + rolloff ** (order + 2) * falling
+    ends = {"a": 1.0, "b": spectrum.cut, "points": [spectrum.rolloff]}
+    return integrate.quad(lambda k: k ** (order + 1) * law_of(0, k, spectrum, hurst), **ends)[0]
 
 
 def test_the_slope_is_the_integral_of_the_density():
@@ -183,20 +180,6 @@ test_what_lies_outside_its_interval_is_refused = refusals(
     (lambda: made(n=4), r"n must be an integer in \[8, 8192\]"),
     (lambda: made(seed=-1), "seed must be an integer >= 0"),
 )
-
-
-# Closed forms
-
-
-@pytest.mark.parametrize("hurst", [0.2, 0.5])
-@pytest.mark.parametrize("rolloff", [1.0, 6.0])
-def test_moments_are_the_integrals_of_the_law(rolloff, hurst):
-    spectrum = Spectrum(rolloff=rolloff, cut=40.0, Sq=3.0)
-    for order in (0, 2, 4):
-        wanted = integrate.quad(
-            lambda k, p=order: k ** (p + 1) * law_of(0, k, spectrum, hurst), 1.0, 40.0, points=[rolloff]
-        )
-        assert moment(spectrum, hurst, order) == pytest.approx(wanted[0], rel=1e-8)
 
 
 def test_whole_numbers_of_numpy_are_taken():
