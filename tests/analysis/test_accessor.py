@@ -157,11 +157,12 @@ def test_the_choice_of_a_recorded_state_changes_no_number() -> None:
 
 
 def test_heights_in_another_unit_change_no_load(swept: Dataset) -> None:
-    in_mm = swept.roughvol.in_units(Sq="mm")
+    in_um = swept.isel(D=[0], m=[0])
+    in_mm = in_um.roughvol.in_units(Sq="mm")
     for level in ("0.02 MPa", "20 kPa"):
-        found, same = in_mm.roughvol.at(pressure=level), swept.roughvol.at(pressure=level)
+        found, same = in_mm.roughvol.at(pressure=level), in_um.roughvol.at(pressure=level)
         assert np.allclose(found["free_volume"], same["free_volume"], rtol=1e-12)
-    assert np.allclose(in_mm.roughvol.derived()["mean_gap"], swept.roughvol.derived()["mean_gap"], rtol=1e-12)
+    assert np.allclose(in_mm.roughvol.derived()["mean_gap"], in_um.roughvol.derived()["mean_gap"], rtol=1e-12)
 
 
 def test_numbers_at_a_load_are_no_states(swept: Dataset) -> None:
@@ -170,10 +171,11 @@ def test_numbers_at_a_load_are_no_states(swept: Dataset) -> None:
         lambda ds: roughvol.ask(ds, leak_rate="1 mm^3/s"),
         lambda ds: roughvol.creep(ds, law, at="p=0.1", times="1 s"),
     )
+    numbers = swept.roughvol.at("last")
     for error, questions in ((DatasetError, QUESTIONS), (StudyError, read_offs)):
         for question in questions:
             with pytest.raises(error, match="has no dimension step, as numbers at a load; allowed: the states"):
-                question(swept.roughvol.at("last"))
+                question(numbers)
 
 
 def test_what_follows_from_a_step_or_a_part_of_the_variables_is_derived() -> None:

@@ -205,7 +205,7 @@ def test_the_leak_at_a_load_is_the_reading_of_the_leak_curve(corner: bool, tmp_p
     assert bool((ds.mean_pressure == 0.0).any()) == corner
     run = checked(ds.roughvol.derived())
     loaded = run.nominal_pressure.where(run.nominal_pressure > 0.0)
-    loads = np.geomspace(float(loaded.min()), float(loaded.max()), 23)
+    loads = np.geomspace(float(loaded.min()), float(loaded.max()), 13)
     found = [ds.roughvol.at(pressure=f"{load:.15g} MPa") for load in loads]
     compared = 0
     for axis, each in curves(run).items():
@@ -216,7 +216,7 @@ def test_the_leak_at_a_load_is_the_reading_of_the_leak_curve(corner: bool, tmp_p
             known = np.isfinite(read) & np.isfinite(leaks)
             assert_allclose(leaks[known], read[known], rtol=1e-9)
             compared += int(known.sum())
-    assert compared > 60
+    assert compared > 40
 
 
 def test_a_place_lies_between_two_steps_or_on_one() -> None:

@@ -212,7 +212,7 @@ def test_intervals_with_a_budget_are_those_of_cards_at_the_states(
             low, high = (end / way["leak"] for end in way["leak_interval"])
             assert low < 1.0 < high
             assert_allclose(leak["interval"], [read["interval"][0] * low, read["interval"][1] * high], rtol=1e-6)
-    printed = said(*_asked(folder, tmp_path, "--budget", times="1 s"))
+    printed = said(*_asked(folder, tmp_path, "--budget"))
     assert "rubber: at 0.01 MPa; all of 1/E* creeps" in printed
     assert "with errors" in printed
     assert "not in these numbers" not in printed

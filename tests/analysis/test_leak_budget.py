@@ -24,6 +24,7 @@ from roughvol.analysis.parts import Part
 from roughvol.campaign import card as card_runs
 from roughvol.campaign import execution
 from roughvol.errors import DatasetError, StudyError
+from roughvol.observables import coupling
 from roughvol.report import card_text
 from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.store.dataset import Dataset
@@ -360,9 +361,16 @@ def test_the_accuracy_of_the_flows_is_in_the_part_of_the_solver(tmp_path: Path) 
     assert_allclose(more, (1.01 + own) / (1.0 + own), rtol=1e-9)
 
 
+@pytest.fixture
+def _grids_of_8(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a map of 17 nodes have a grid of twice its spacing."""
+    monkeypatch.setattr(card_runs, "FEWEST_NODES", 8)
+
+
+@pytest.mark.usefixtures("_grids_of_8")
 def test_a_card_of_a_file_has_levelling_and_quadrants_at_one_nominal_pressure(tmp_path: Path) -> None:
-    heights = random_midpoint_displacement(2.2, 5, side=100.0, seed=5).heights
-    tilted = heights / heights.std() * 0.4 + np.linspace(0, 0.3, 33)
+    heights = random_midpoint_displacement(2.2, 4, side=100.0, seed=5).heights
+    tilted = heights / heights.std() * 0.4 + np.linspace(0, 0.3, 17)
     np.savetxt(tmp_path / "scan.txt", tilted, header="heights in um")
     text = TEXT.replace("{D: 2.2, m: 5, seeds: 3, L: 200 um, Sq: 0.4 um}", "{file: scan.txt, L: 200 um, level: tilt}")
     (tmp_path / "s.yaml").write_text(text)
@@ -389,9 +397,10 @@ def test_another_levelling_that_cannot_be_computed_has_its_reason(tmp_path: Path
     assert (part.known, "not computed: " in part.words, "9.4%, lie farther" in part.words) == (False, True, True)
 
 
+@pytest.mark.usefixtures("_grids_of_8")
 def test_a_card_without_units_has_the_budget_of_the_same_map_with_units(tmp_path: Path) -> None:
     """L of block means is that of other nodes, so closing loads are compared as p* Sq/L."""
-    heights = random_midpoint_displacement(2.2, 5, seed=5).heights
+    heights = random_midpoint_displacement(2.2, 4, seed=5).heights
     np.save(tmp_path / "scan.npy", 0.4 * heights / heights.std())
     text = TEXT.replace("D: 2.2, m: 5, seeds: 3, L: 200 um, Sq: 0.4 um", "file: scan.npy, L: 200 um")
     plain = text.replace(" um", "").replace("10 MPa", "10.0").replace(f", {DIMENSIONAL}", "")
@@ -469,7 +478,7 @@ def test_elastic_contact_has_the_same_errors_on_every_leg(tmp_path: Path) -> Non
 LIFT = """name: lift
 surface: {D: 2.2, m: 5, L: 200 um, Sq: 0.5 um, seeds: [1], sides: periodic}
 material: {E_star: 10 MPa}
-sweep: {steps: 4, to: {pressure: 0.1 MPa}}
+sweep: {steps: 2, to: {pressure: 0.1 MPa}}
 record:
   transport: {transmissivity: every-step}
   fluid_pressure: {inlet: 0.5 bar, outlet: 0 bar, at: last}
@@ -511,8 +520,6 @@ def test_the_part_of_the_solver_under_fluid_pressure_holds_an_exact_one(
 ) -> None:
     text, at = LIFT.replace("m: 5", "m: 6"), parse("pressure=0.08 MPa")
     card = _finest(text, at, tmp_path / "card")
-    from roughvol.observables import coupling
-
     monkeypatch.setattr(coupling, "ACCURACY", 1e-7)
     monkeypatch.setattr(coupling, "ROUNDS", 100)
     truth = _pressed(text + "solver: {rtol: 1.0e-9}\n", at, tmp_path / "exact").dataset
@@ -537,8 +544,9 @@ def test_the_part_of_the_solver_under_fluid_pressure_follows_the_longer_side(her
         assert_allclose(np.log(factors[0] / 1.001), np.log(factors[1] / 1.001), rtol=0.1)  # of gains from rounds
 
 
+@pytest.mark.usefixtures("_grids_of_8")
 def test_a_fluid_pressure_without_units_keeps_its_nominal_value_on_other_grids(tmp_path: Path) -> None:
-    heights = random_midpoint_displacement(2.2, 5, side=100.0, seed=5).heights
+    heights = random_midpoint_displacement(2.2, 4, side=100.0, seed=5).heights
     np.save(tmp_path / "scan.npy", heights)
     (tmp_path / "s.yaml").write_text(
         "surface: {file: scan.npy, L: 100, level: tilt}\nsweep: {steps: 3, to: {pressure: 1.0}}\n"

@@ -98,8 +98,8 @@ def test_blocks_of_patches_with_grooves_conduct_as_the_whole_sheet_does(
 ) -> None:
     """A stream drifts far sideways to an open patch; the oracle is whole rings."""
     along, across = np.array(of)
-    found = np.median(seal.drawn(along, across, (32, 1920), sheet.conductance, draws=100))
-    apart = np.median(seal.drawn(along, 0.0 * across, (32, 1920), sheet.conductance, draws=100))
+    found = np.median(seal.drawn(along, across, (32, 1920), sheet.conductance, draws=50))
+    apart = np.median(seal.drawn(along, 0.0 * across, (32, 1920), sheet.conductance, draws=50))
     assert 0.0 <= apart < found
     closing = seal.drawn(along, across, (32, 1920), sheet.closing, np.max, draws=9)
     assert np.isin(closing, [0.0, *along, *across]).all()  # the closing load of a patch
@@ -218,7 +218,7 @@ def test_patches_of_a_seal_hold_as_many_waves_along_both_sides() -> None:
 def test_check_run_and_card_say_that_patches_are_uneven_and_a_region_that_is_even_has_no_such_doubt(here: Path) -> None:
     text = TEXT.replace("{H: 0.8, n: 32, rolloff: 4, cut: 8,", "{H: 0.8, n: 32, rolloff: 12, cut: 15, anisotropy: 3,")
     text = text.replace("seeds: 3", "seeds: 1")
-    (closed,) = roughvol.card(loads(text), "pressure=2 MPa", jobs=1).cards.values()
+    (closed,) = roughvol.card(loads(text.replace("steps: 8", "steps: 3")), "pressure=2 MPa", jobs=1).cards.values()
     assert closed.seal is not None
     assert (closed.seal.leak, closed.seal.closing > 0.0) == (0.0, True)
     assert np.isnan([*closed.seal.interval, *closed.seal.closing_interval]).all()
@@ -264,7 +264,7 @@ def assembled(height: float, seed: int) -> tuple[float, float]:
 @pytest.mark.parametrize(("height", "factor", "most"), [(1.0, 1.05, 1.15), (0.4, 1.4, 3.0)])
 def test_a_seal_of_sixteen_known_patches_leaks_as_its_whole_gap(height: float, factor: float, most: float) -> None:
     """Scatter of the patches ×÷ 1.5 and ×÷ 5; docs/explanation/notes/seal.md has twenty seals of each."""
-    logs = np.abs([math.log(network / whole) for whole, network in (assembled(height, seed) for seed in range(5))])
+    logs = np.abs([math.log(network / whole) for whole, network in (assembled(height, seed) for seed in range(3))])
     assert np.median(logs) < math.log(factor)
     assert logs.max() < math.log(most)
 
@@ -460,7 +460,8 @@ def test_a_seal_has_no_known_leak_beyond_a_sweep_that_ended_closed_along_one_axi
 
 def test_patches_at_different_pressures_make_no_seal(tmp_path: Path) -> None:
     """As at one contact area, or at one p* of maps of different Sq."""
-    found = roughvol.card(loads(BOTH), "contact_area=0.1", out=tmp_path, jobs=1)
+    text = BOTH.replace(SWEEP, "steps: 2, to: {contact_area: 0.15}")
+    found = roughvol.card(loads(text), "contact_area=0.1", out=tmp_path, jobs=1)
     (card,) = found.cards.values()
     of_seal = card.seal
     assert np.ptp([one.number("nominal_pressure") for one in card.surfaces]) > 0.0
@@ -564,15 +565,14 @@ def test_a_seal_is_known_from_its_first_load_to_its_closing_or_its_last_load(
     assert (always.value, always.low, always.high) == (0.0, 0.0, seal.begins)
 
 
-def test_the_interval_of_a_seal_holds_its_leak_between_steps(here: Path) -> None:
+def test_the_interval_of_a_seal_holds_its_leak_between_steps(joint: Path) -> None:
     """Of a leak at a load, and of the load of a leak."""
-    ds = roughvol.run(loads(COARSE.replace("seeds: 3", "seeds: 6")), jobs=1)
-    ((seal,),) = curves(ds.roughvol.derived()).values()
-    pressures = np.linspace(seal.pressure[0], seal.pressure[-1], 41)[1:-1]
+    ((seal,),) = curves(roughvol.open(joint).roughvol.derived()).values()
+    pressures = np.linspace(seal.pressure[0], seal.pressure[-1], 23)[1:-1]
     found = seal.at(pressures)
     assert np.all((found.low <= found.value) & (found.value <= found.high))
     open_ = found.value > 0.0
-    for pressure, log in zip(pressures[open_][::5], np.log(found.value[open_])[::5], strict=True):
+    for pressure, log in zip(pressures[open_][::6], np.log(found.value[open_])[::6], strict=True):
         load = seal.load_where(lambda logs, wanted=log: np.full(logs.shape, wanted))
         assert load.low <= load.value <= load.high
         assert_allclose(load.value, pressure, rtol=1e-4)
@@ -648,7 +648,7 @@ def test_a_seal_of_patches_pressed_to_one_load_does_not_depend_on_the_ends_of_th
         np.save(f"face{k}.npy", height * random_midpoint_displacement(2.2, 4, seed=k).heights)
     text = COARSE.replace(COARSE.splitlines()[1], "surface: {files: face*.npy, L: 0.5 mm, heights_unit: um}")
     text = text.replace("transmissivity: every-step", "transmissivity: every-step, closing: true")
-    ds = roughvol.run(loads(text.replace(SWEEP, "steps: 6, to: {pressure: 0.02 MPa}")), jobs=1)
+    ds = roughvol.run(loads(text.replace(SWEEP, "steps: 3, to: {pressure: 0.02 MPa}")), jobs=1)
     found = []
     for scan in (0, 1):
         other = ds.drop_vars("closing_pressure").copy(deep=True)
@@ -703,10 +703,10 @@ def test_ways_across_a_single_row_play_no_part_in_the_closing_load(tmp_path: Pat
     text = TEXT.replace("seeds: 3", "anisotropy: 4, seeds: 2").replace("width: 2 mm", "width: 0.5 mm, flow: y")
     text = text.replace("10 MPa}", "10 MPa, hardness: 0.12 MPa}").replace("every-step}", "every-step, closing: true}")
     study = loads(text.replace(SWEEP, "pressures: [0.002 MPa, 0.08 MPa]"))
-    ds = roughvol.run(study, jobs=1, out=tmp_path / "run")
-    assert np.isnan(ds.closing_pressure.sel(axis="x")).any()
-    (asked,) = roughvol.ask(ds).answers
-    (card,) = roughvol.card(study, "pressure=0.002 MPa", out=tmp_path / "card", jobs=1).cards.values()
+    found = roughvol.card(study, "pressure=0.002 MPa", out=tmp_path, jobs=1)
+    (card,), ((runs,),) = found.cards.values(), (of_load.values() for of_load in found.runs.values())
+    assert np.isnan(runs.fine.dataset.closing_pressure.sel(axis="x")).any()
+    (asked,) = roughvol.ask(runs.fine.dataset).answers
     assert card.seal.closing == pytest.approx(asked.value)
 
 

@@ -31,9 +31,15 @@ pytestmark = pytest.mark.usefixtures("few_samples")
 
 
 @pytest.fixture(scope="module")
-def finished(few_samples: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def seen() -> Events:
+    """The progress of the run."""
+    return Events()
+
+
+@pytest.fixture(scope="module")
+def finished(few_samples: None, seen: Events, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("ensemble")
-    run(STUDY, out=folder, jobs=1)
+    run(STUDY, out=folder, jobs=1, on_event=seen)
     return folder
 
 
@@ -45,9 +51,8 @@ def cases(finished: Path, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_the_work_of_earlier_rounds_is_done(tmp_path: Path) -> None:
-    seen = Events()
-    run(STUDY, out=tmp_path, jobs=1, on_event=seen)
+@pytest.mark.usefixtures("finished")
+def test_the_work_of_earlier_rounds_is_done(seen: Events) -> None:
     assert sum(now.event.endswith("samples") for now in seen) > 1
     first = next(k for k, now in enumerate(seen) if now.event.endswith("samples"))
     assert min(now.work for now in seen[first:]) > 0.0
