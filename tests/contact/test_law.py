@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from roughvol.contact.halfspace import HalfSpace
 from roughvol.contact.law import Wall
 from roughvol.contact.loading import sweep
 from roughvol.contact.options import Tuning
@@ -115,27 +114,6 @@ def test_plastic_displacement_stays_without_an_m_matrix():
         fallen = before.plastic_displacement() - after.plastic_displacement()
         assert fallen.max() <= before.residual + after.residual + 1e-14
     check_path(contacts, stepwise(surface, UNDONE, hardness, "punch"))
-
-
-PATHS = {
-    "overlaps undone": (*undone(), "punch", UNDONE),
-    "a leg back": (fractal(4), 5.0, "love", (*UP, *DOWN, 2.0, 2.7)),
-}
-
-
-@pytest.mark.parametrize("name", PATHS)
-def test_an_interrupted_path_goes_on_with_the_same_bits(name):
-    surface, hardness, kernel, path = PATHS[name]
-    space = HalfSpace(surface.shape, kernel)
-    whole = list(sweep(surface, space, path, hardness=hardness))
-    for kept in range(1, len(path)):
-        states = [contact.state() for contact in whole[:kept]][-2:]
-        for one, other in zip(
-            whole[kept:], sweep(surface, space, path[kept:], hardness=hardness, resume=states), strict=True
-        ):
-            assert np.array_equal(one.pressure(), other.pressure())
-            for field in ("free_volume", "residual", "plastic_volume"):
-                assert getattr(one, field) == getattr(other, field)
 
 
 SURFACE = fractal(4, 2.3, 3)
