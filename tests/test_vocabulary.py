@@ -15,27 +15,20 @@ from roughvol.report import page
 from tests.kit import LEAKING, answered, call, ran, refused, said
 
 STUDY = LEAKING.replace("steps: 8", "steps: 12")
-PLAIN = "surface: {D: 2.3, m: 3, seeds: 1}\nsweep: {steps: 3}\n"
 CREEP = ("--law", "creep.yaml", "--times", "1 s..1 h")
-NUMBERS: dict[str, tuple[str, ...]] = {  # commands that print numbers
-    "run": ("tiny",),
-    "check": ("tiny",),
-    "status": ("tiny",),
-    "ls": (),
-    "show": ("tiny",),
+WORDS: dict[str, tuple[str, ...]] = {  # behind the name of a command, where they are more than a run
     "compare": ("tiny", "other"),
-    "report": ("tiny",),
+    "plot": ("tiny", "v_of_p"),
     "ask": ("tiny", "--leak-rate", "1e-3 mm^3/s"),
     "card": ("tiny", "--jobs", "1"),
     "creep": ("tiny", "--at", "pressure=0.2MPa", *CREEP),
-    "tradeoff": ("plain",),
 }
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _runs(there: Path) -> Iterator[None]:
-    for name, text in (("tiny", STUDY), ("other", STUDY), ("plain", PLAIN)):
-        ran(name, text)
+    for name in ("tiny", "other"):
+        ran(name, STUDY)
     Path("creep.yaml").write_text("power: {exponent: 0.02, time: 1 s}\n", encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(page, "drawings_of", lambda *_: ())  # figures of a report: reproduction/test_report.py
@@ -62,11 +55,6 @@ def test_an_option_has_one_meaning(name: str, command: click.Command) -> None:
         assert "--set" in options
 
 
-@pytest.mark.parametrize("name", sorted(NUMBERS.keys() - {"card"}))  # test_leak_card.py
-def test_a_command_that_prints_numbers_prints_them_as_json(name: str) -> None:
-    assert answered(name, *NUMBERS[name])
-
-
 def test_json_of_a_run_has_the_numbers_of_show() -> None:
     ran, shown = (answered(name, "tiny") for name in ("run", "show"))
     assert ran["rows"] == shown["rows"]
@@ -87,9 +75,7 @@ FORMS_OF = {  # two functions open all of them: `StoredRun.open` and `study_of`
 
 @pytest.mark.parametrize(("name", "form"), [(name, form) for name, forms in FORMS_OF.items() for form in forms])
 def test_a_command_takes_a_study_in_each_form(name: str, form: str) -> None:
-    form = form.replace("tiny", NUMBERS.get(name, ("tiny",))[0])
-    extra = {"plot": ("v_of_p",)}.get(name, NUMBERS.get(name, ())[1:])
-    assert said(name, form, *extra)
+    assert said(name, form, *WORDS.get(name, ())[1:])
 
 
 LOADS = ("last", "pressure=0.2 MPa", "p=0.3", "pressure=0.2MPa, leg 1", "load=1 mN")
@@ -100,15 +86,14 @@ LOADS_OF = {"show": LOADS, "ask": LOADS, "creep": LOADS[2:3], "compare": LOADS[4
 
 @pytest.mark.parametrize(("name", "load"), [(name, load) for name, loads in LOADS_OF.items() for load in loads])
 def test_a_load_is_written_alike_in_every_command(name: str, load: str) -> None:
-    extra = NUMBERS[name] if name != "creep" else ("tiny", *CREEP)
-    extra = (*extra, "--for", "modulus") if name == "ask" else extra
-    assert said(name, *extra, "--at", load)
+    words = WORDS | {"show": ("tiny",), "creep": ("tiny", *CREEP), "ask": (*WORDS["ask"], "--for", "modulus")}
+    assert said(name, *words[name], "--at", load)
 
 
 def test_a_change_of_a_key_is_that_of_the_run_or_an_error() -> None:
     assert said("show", "tiny", "--set", "surface.m=4")
     for name in ("show", "ask", "creep", "compare", "plot", "report"):
-        told = refused(name, *NUMBERS.get(name, ("tiny",)), "--set", "surface.m=5")
+        told = refused(name, *WORDS.get(name, ("tiny",)), "--set", "surface.m=5")
         assert "surface.m: 4 → 5" in told
         assert "roughvol run tiny --set surface.m=5" in told
 
@@ -160,7 +145,7 @@ def maps(here: Path) -> None:
     [("show", "face.xyz"), ("show", "rows.txt"), *((name, "array.npy") for name in ("run", "status", "plot", "ask"))],
 )
 def test_a_height_map_in_place_of_a_study_is_told_apart(maps: None, name: str, file: str) -> None:
-    told = refused(name, file, *NUMBERS.get(name, ())[1:])
+    told = refused(name, file, *WORDS.get(name, ())[1:])
     assert "YAML" not in told
     assert f"{file}: a height map, no" in told
     assert f"roughvol init {file}" in told
@@ -245,12 +230,3 @@ def _completed(*words: str) -> set[str]:
 )
 def test_completion_knows_runs_figures_states_and_keys(words: tuple[str, ...], expected: set[str]) -> None:
     assert _completed(*words) == expected
-
-
-def test_progress_of_many_cases_takes_few_lines_off_a_terminal(tmp_path: Path) -> None:
-    (tmp_path / "many.yaml").write_text("surface: {D: 2.3, m: 3, seeds: 40}\nsweep: {steps: 2}\n", encoding="utf-8")
-    done = call("run", tmp_path / "many.yaml", "--jobs", "1", "--out", tmp_path / "many")
-    seconds = float(done.stdout.split()[3])
-    lines = [line for line in done.stderr.splitlines() if ": done · " in line]
-    assert 1 <= len(lines) <= seconds + 2
-    assert "40 of 40 cases" in lines[-1]
