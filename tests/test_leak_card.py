@@ -28,6 +28,7 @@ from roughvol.report import card_page, card_text, terminal
 from roughvol.report.document import Document, Section
 from roughvol.report.figures import card_print, leak_card
 from roughvol.store import dataset
+from roughvol.store.run_folder import slugs
 from roughvol.study import Level, loads
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from tests.kit import answered, ran, refused, said
@@ -109,16 +110,23 @@ def test_some_closed_surfaces_are_counted_as_0_with_a_median() -> None:
 
 
 def test_a_load_that_the_sweep_misses_by_rounding_has_its_card() -> None:
-    end, beyond = (_computed(PRESSED, f"pressure={p} MPa").cards[""] for p in ("0.1", "0.1000005"))
+    end, beyond = _computed(PRESSED, "pressure=0.1 MPa", "pressure=0.1000005 MPa").cards.values()
     for way, other in zip(end.ways, beyond.ways, strict=True):
         assert other.leak.value == pytest.approx(way.leak.value, rel=1e-4)
 
 
-def test_a_closed_joint_has_a_largest_leak(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The end of this sweep is the closing of the last way: the unsafe side is a finer grid."""
-    monkeypatch.setattr(card_runs, "FEWEST_NODES", 16)
-    found = _computed(SEAL.replace("m: 4", "m: 5"))
-    printed = _brief(found)
+@pytest.fixture(scope="module")
+def closed(tmp_path_factory: pytest.TempPathFactory) -> Cards:
+    """Return the cards of a joint with a coarser grid: at the end of the sweep, which is its closing, and beyond."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(card_runs, "FEWEST_NODES", 16)
+        study, out = loads(SEAL.replace("m: 4", "m: 5")), tmp_path_factory.mktemp("closed")
+        return roughvol.card(study, at=("last", "pressure=2 MPa"), jobs=1, out=out)
+
+
+def test_a_closed_joint_has_a_largest_leak(closed: Cards) -> None:
+    """The unsafe side is a finer grid."""
+    printed = _brief(closed)
     for axis in "xy":
         line = next(line for line in printed.splitlines() if line.startswith(f"along {axis}: "))
         assert re.search(r"closed on this grid, at most .*; tight above [\d.]+ MPa, between [\d.]+ and [\d.]+$", line)
@@ -126,10 +134,10 @@ def test_a_closed_joint_has_a_largest_leak(monkeypatch: pytest.MonkeyPatch) -> N
     assert "At twice the spacing: at " in printed
     assert "on a finer grid the way may be open" in printed
     assert "factors of the closing load" in printed
-    drawings = card_page.document(found.pages[0]).sections[1].drawings
+    drawings = card_page.document(closed.pages[0]).sections[1].drawings
     assert len(drawings) == 3  # closing loads in the place of an empty budget
     assert "Closing loads on this grid" in drawings[2].caption
-    for way in found.plain()["ways"]:
+    for way in closed.plain()["last"]["ways"]:
         low, high = way["closing_pressure_interval"]
         assert low < way["closing_pressure"] < high
         assert way["leak"] == way["leak_interval"][0] == 0.0
@@ -146,15 +154,14 @@ def test_a_card_has_mean_gap_and_second_body_as_the_study_gives_them() -> None:
     assert facts["Material"] == "E 10 MPa, nu 0.5, against {E: 200 GPa, nu: 0.3}"
 
 
-def test_a_load_beyond_a_sweep_that_ended_closed_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_load_beyond_a_sweep_that_ended_closed_is_closed(closed: Cards) -> None:
     cards = _computed(SEAL, "pressure=0.02 MPa", "pressure=2 MPa")
     beyond, note = _brief(cards, 1), "The error of a closed way is that of its closing load."
-    closed = r"closed on this grid; tight above [\d.]+ MPa, its error is not known \(grid"
-    assert len(re.findall(closed, beyond)) == 2  # 17 nodes have no coarser grid
+    words = r"closed on this grid; tight above [\d.]+ MPa, its error is not known \(grid"
+    assert len(re.findall(words, beyond)) == 2  # 17 nodes have no coarser grid
     assert not re.search(r"Contact area|Mean gap", beyond)  # the state is not known
     assert [note in card_page.table_of(pages).note for pages in (cards.pages[:1], cards.pages)] == [False, True]
-    monkeypatch.setattr(card_runs, "FEWEST_NODES", 16)
-    for way in _computed(SEAL.replace("m: 4", "m: 5"), "pressure=2 MPa").plain()["ways"]:
+    for way in closed.plain()["pressure=2 MPa"]["ways"]:
         beyond_interval = way["closing_pressure_interval"][1] < 2.0
         assert (way["leak_interval"] == [0.0, 0.0]) == beyond_interval
 
@@ -263,34 +270,27 @@ def test_a_card_of_a_region_of_two_rows_has_no_coarser_grid_and_no_roll_off(monk
 
 
 def test_several_maps_have_a_card_each_one_together_and_a_table() -> None:
-    _maps(0.3, 0.6)
-    surface = '{files: "face*.txt", L: 100 um, sides: periodic}'  # a period has no other levelling
+    """Their names differ in a blank: in names of files both are the same."""
+    files = {"face 1.txt": 0.3, "face_1.txt": 0.6}
+    _maps(*files.values())
+    for k, name in enumerate(files):
+        Path(f"face{k}.txt").rename(name)
+    surface = f"{{files: {list(files)}, L: 100 um, sides: periodic}}"  # a period has no other levelling
     study = _study(PRESSED.replace(GENERATED, surface).replace("steps: 4", "steps: 2"))
     printed = _pairs(_printed(study, *AT))
-    for k, height in enumerate((0.3, 0.6)):
-        assert f"Surface: face{k}.txt, Sq {height} um" in printed
+    for name, height in files.items():
+        assert f"Surface: {name}, Sq {height} um" in printed
     assert "of 2 surfaces open" in printed
     assert "Load: 0.02 MPa" in printed
     assert "card: surfaces: load: leak x" in printed  # the table
     folder = Path("runs/seal_card")
     names = {path.name for path in folder.glob("*.html")}
-    single = {f"card_pressure=0.02_MPa_face{k}.txt.html" for k in range(2)}
+    single = {f"card_pressure=0.02_MPa_{name}.html" for name in slugs(files).values()}
     assert names == {"card_pressure=0.02_MPa.html", "cards_pressure=0.02_MPa.html", *single}
     page = (folder / "card_pressure=0.02_MPa.html").read_text()
-    assert page.count("face1.txt") >= 2
+    assert page.count("face_1.txt") >= 2
     table = (folder / "cards_pressure=0.02_MPa.html").read_text()
     assert table.count("<tr>") == 4
-
-
-def test_maps_whose_names_differ_in_a_blank_or_an_umlaut_have_a_card_each() -> None:
-    _maps(0.3, 0.6, 0.5, 0.4)
-    files = ["face 1.txt", "face_1.txt", "ä.txt", "ö.txt"]
-    for k, name in enumerate(files):
-        Path(f"face{k}.txt").rename(name)
-    surface = f"{{files: {files}, L: 100 um, sides: periodic}}"
-    found = _computed(PRESSED.replace(GENERATED, surface).replace("steps: 4", "steps: 1"))
-    assert len({page.stem for page in found.pages}) == len(files) + 1  # of all
-    assert [runs.fine.dataset["case"].item() for runs in next(iter(found.runs.values())).values()] == files
 
 
 def test_a_page_in_another_encoding_is_not_overwritten() -> None:
@@ -457,8 +457,9 @@ def test_a_card_of_several_files_names_the_files_of_what_differs() -> None:
         z[3, 4] = np.nan if name == "face2.txt" else z[3, 4]
         np.savetxt(name, z, header="heights in nm")
     files = "{files: [face0.txt, face1.txt, face2.txt], L: 100 um, level: tilt, missing: interpolate}"
-    page = _computed(PRESSED.replace(GENERATED, files).replace("steps: 4", "steps: 1")).pages[0]
-    facts = dict(card_text.rests_on(page.fine)[0])
+    surfaces = card_runs.surfaces_of(loads(PRESSED.replace(GENERATED, files).replace("steps: 4", "steps: 1")))
+    runs = [roughvol.run(study, out=f"runs/{name}", jobs=1) for name, study in surfaces.items()]
+    facts = dict(card_text.rests_on(runs)[0])
     filled = "missing heights filled with the mean of their neighbours"
     units = "face0.txt: numbers of the file are in µm; face1.txt, face2.txt: numbers of the file are in nm"
     assert facts["Treatment"] == f"least-squares tilt of the known heights subtracted; {filled}; {units}"

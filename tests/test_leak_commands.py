@@ -56,9 +56,8 @@ def test_a_stored_sweep_answers_with_a_pressure() -> None:
         assert "the pressure is asked for; the load pressure=1 kPa belongs to: for modulus or Sq" in told
 
 
-def test_the_limits_that_a_run_exceeds_are_said_beside_its_leaks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_limits_that_a_run_exceeds_are_said_beside_its_leaks() -> None:
     """The leak is that of the dry gap, and a fluid of this pressure opens the joint."""
-    monkeypatch.setattr(card_runs, "FEWEST_NODES", 16)
     ran("pushed", LEAKING.replace("5 mbar", "5 bar"))
     limits = dataset.read(Path("runs/pushed/study.nc")).attrs["warnings"].splitlines()
     assert any("opens the joint" in line for line in limits)
