@@ -52,10 +52,10 @@ UNUSED = (  # by command; a row is one process, in which later commands may impo
         "explain leak_rate": HEAVY,
         "ls": HEAVY,
         "status leaking.yaml": HEAVY,
+        "show leaking": NUMERICS,
         "compare leaking leaking": NUMERICS,
         "ask leaking --closed": NUMERICS,
     },
-    {"show leaking": NUMERICS},
     {"check leaking.yaml": "xarray scipy.optimize scipy.interpolate scipy.ndimage dask matplotlib"},
 )
 

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 import roughvol
-from roughvol.campaign import collect
-from roughvol.ensemble import design, step_error
+from roughvol.campaign import batch, collect
 from roughvol.errors import CampaignError, DatasetError, StudyError
 from roughvol.observables.variables import QUANTITIES, VARIABLES
 from roughvol.study import loads
 from roughvol.study.values import own
 from tests.campaign.kit import values_of
-from tests.kit import call, python, refused, said
+from tests.kit import call, refused, said
 
 STUDY = """
 name: gaps
@@ -115,10 +114,8 @@ def ensemble(functions, accuracy, at="{indentation: [0.5, 1.1]}"):
 
 
 @pytest.fixture(autouse=True)
-def _folder(here, monkeypatch):
+def _folder(here, few_samples):
     """Work in an empty folder, with ensembles of few samples; leave no rows and no module behind."""
-    monkeypatch.setattr(design, "PILOT", 8)
-    monkeypatch.setattr(step_error, "SURFACES", 8)
     yield
     forget()
 
@@ -317,7 +314,8 @@ def test_explain_describes_a_function_and_its_mean_by_the_name_in_a_run():
             roughvol.explain(name)
 
 
-def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path, monkeypatch):
+@pytest.mark.processes
+def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path, monkeypatch, capfd):
     site = tmp_path / "site"
     described = site / "leakage-1.0.dist-info"
     described.mkdir(parents=True)
@@ -325,15 +323,15 @@ def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path, 
     (site / "leakage.py").write_text(f"{loud}\nprint('imported')\n")
     (described / "METADATA").write_text("Metadata-Version: 2.1\nName: leakage\nVersion: 1.0\n")
     (described / "entry_points.txt").write_text("[roughvol.observables]\nlargest_gap = leakage:largest\n")
-    Path("gaps.yaml").write_text(STUDY.replace("OWN", "largest_gap: largest_gap"))
+    Path("gaps.yaml").write_text(STUDY.replace("OWN", "largest_gap: largest_gap").replace("seeds: 2", "seeds: 1"))
 
     means = ENSEMBLE.replace("OWN", "largest_gap: largest_gap").replace("ACCURACY", "largest_gap: 20 %")
     Path("means.yaml").write_text(means.replace("AT", "last"))
-    # worker processes find the package, too, and what it prints is no part of an answer
-    done = python("-m", "roughvol", "run", "gaps.yaml", "--json", "--jobs", "2", first=site)
-    assert "largest_gap" in json.loads(done.stdout)["rows"][0]
-    assert {"imported", "called"} <= set(done.stderr.splitlines())
     monkeypatch.syspath_prepend(site)
+    monkeypatch.setattr(batch, "SMALL", 0.0)  # the only case is computed in a worker
+    # which finds the package, too, and what it prints is no part of an answer
+    assert "largest_gap" in json.loads(said("run", "gaps.yaml", "--json", "--jobs", "2"))["rows"][0]
+    assert {"imported", "called"} <= set(capfd.readouterr().err.splitlines())
     assert "largest_gap" in said("show", "gaps", "--csv").splitlines()[0]
     assert "largest_gap_of_p.png" in said("plot", "gaps", "largest_gap_of_p")
     assert "mean over all surfaces of the Largest gap" in said("explain", "largest_gap_mean")
