@@ -28,7 +28,7 @@ from roughvol.study import STATE_KINDS
 from roughvol.study.reference import keys
 from roughvol.study.values import own
 from roughvol.study.values.state_kinds import SYMBOLS
-from tests.kit import said
+from tests.kit import said, twin
 
 FILE = Path(__file__).with_suffix(".toml")
 PYTHON = Path(__file__).parents[1] / "docs" / "reference" / "python.md"  # its names are public
@@ -49,7 +49,7 @@ ASKED = {  # words of each command with --json, behind its name
     "ask": ["seal", "--leak-rate", LEAK],
     "card": ["seal", "--at", "pressure=0.1 MPa", "--jobs", "1"],
     "check": ["seal.yaml"],
-    "compare": ["seal", "other"],
+    "compare": ["seal", "twins/seal_twin"],
     "creep": ["seal", "--law", "law.yaml", "--at", "pressure=0.05 MPa", "--times", "1 s"],
     "licences": [],
     "ls": [],
@@ -151,8 +151,8 @@ def _of_runs() -> tuple[set[str], set[str]]:
     Path("seal.yaml").write_text(STUDY, encoding="utf-8")
     Path("small.yaml").write_text("surface: {D: 2.3, m: 2, seeds: 1}\nsweep: {steps: 2}\n", encoding="utf-8")
     Path("law.yaml").write_text("power: {exponent: 0.1, time: 1 s}\n", encoding="utf-8")
-    said("run", "seal.yaml", "--set", "name=other")
     said("run", "seal.yaml")
+    twin("seal")
     answers = set[str]()
     for name, command in _commands().items():
         if any("--json" in parameter.opts for parameter in command.params):

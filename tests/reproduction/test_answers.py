@@ -1,14 +1,12 @@
 """Statements judged by ten seeds and by an ensemble."""
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from roughvol.analysis.stored_run import Run
-from roughvol.ensemble import design, step_error
 from roughvol.ensemble.multilevel import half_width
 from roughvol.report.run_facts import facts
 from roughvol.reproduction.claim_run import ClaimRun
@@ -27,11 +25,8 @@ ensemble: {accuracy: {free_volume: 12 %, contact_area: 0.1}, at: {pressure: 0.1,
 
 
 @pytest.fixture(scope="module")
-def file(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(design, "PILOT", 8)
-        patch.setattr(step_error, "SURFACES", 8)
-        yield kit.stored(tmp_path_factory.mktemp("answers"), trial=TEXT)["trial"]
+def file(few_samples: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return kit.stored(tmp_path_factory.mktemp("answers"), trial=TEXT)["trial"]
 
 
 @pytest.fixture(scope="module")

@@ -297,7 +297,7 @@ def test_maps_of_few_rows_fit_a_page(study: xr.Dataset, name: str, rows: dict[st
     """The map of 3 × 60 nodes was a figure 45 inches tall."""
     fig = FIGURES[name](study.isel(rows))
     assert 1.5 < fig.get_figheight() < 11.0
-    assert shown(fig) > 1
+    assert shown(fig, layout=False) > 1
 
 
 @pytest.mark.parametrize("thresholds", [THRESHOLDS, None])
@@ -312,6 +312,7 @@ def test_fig10_blackens_from_contact_to_everything(study: xr.Dataset, thresholds
     assert len(panels) == len(shares)
     for black, share in zip(panels, shares, strict=True):
         np.testing.assert_array_equal(black == 1, gap <= share * gap.max() * (1 + 1e-12))
+    fig.set_layout_engine(None)
     fig.draw_without_rendering()
     labelled = [bool(ax.get_xlabel()) and ax.get_xticklabels()[0].get_visible() for ax in fig.axes]
     assert labelled == [False] * (len(shares) - 3) + [True] * 3  # two rows of three: at the end of the column
