@@ -26,7 +26,7 @@ from roughvol.observables.variables import OBSERVABLES
 from roughvol.study import ACCURACY, EXPECTED, Case, Study
 from roughvol.typing import Shape, Sides
 
-# Bytes, from the growth of the largest resident set of `run_case` at m = 9 and 10 (D = 2.5; docs/how-to/cluster.md).
+# Bytes, from the growth of the largest resident set of `run_case` at m = 9 and 10 (D = 2.5).
 PROCESS_BYTES = 2e8  # of a process after its imports
 COMPILED_BYTES = 1.4e8  # of a process, in addition: numba and its compiled loops, of flows and constrictions
 SURFACE_BYTES, NODE_BYTES = 50, 280  # per node: of a surface alone; of half space and solver

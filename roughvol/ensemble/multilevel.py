@@ -31,7 +31,7 @@ Four measures keep the coverage of the interval:
    A slope from other samples leaves the estimator unbiased. A level of fewer than `CONTROLLED` samples has c = 0.
 2. The variance of a slope is part of the variance of the mean (Cochran, Sampling Techniques, 1977, section 12.7).
 3. A residual variance of fewer than `POOLED_BELOW` degrees of freedom is pooled with `RESIDUAL_RATIO` times that of the
-   next coarser link, if that is larger. Residual variances decrease faster than this (notes/ensemble.md), so the pooled
+   next coarser link, if that is larger. Residual variances decrease faster than this, so the pooled
    variance is too large rather than too small. A variance above the coarser one is not pooled.
 4. The interval is Student's, with the degrees of freedom of Welch and Satterthwaite for the sum of variances.
 
