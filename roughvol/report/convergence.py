@@ -92,7 +92,8 @@ def summary(ds: Dataset) -> str:
     work = [ladder[name].mean("surface").values for name in ("units", "seconds")]
     rungs_of = zip(ladder["rtol"].values, *worst, *work, strict=True)
     rows = tuple(tuple(map(format, rung, FORMATS)) for rung in rungs_of)
-    sentences = [f"ten times less accuracy costs {100 * time_saved(ds):.0f} per cent less time"]
+    saved = 100.0 * time_saved(ds)
+    sentences = [f"ten times less accuracy costs {abs(saved):.0f} per cent {'less' if saved > 0.0 else 'more'} time"]
     for part in convergence(ds):
         verdict = "converged" if part.converged else "NOT converged"
         to_come = f"{100 * part.remaining:.1f} %" if np.isfinite(part.remaining) else "no limit in sight"

@@ -69,6 +69,9 @@ def test_convergence_in_m_is_that_of_a_geometric_series(measured: dataset.Datase
     assert (one.ratio, one.remaining) == (pytest.approx(0.5), pytest.approx((last - 1.0) / last))
     ds.seconds.values[:] = (ds.rtol.values ** -np.log10(1.25))[:, None]  # a quarter more for each digit
     assert convergence.time_saved(ds) == pytest.approx(0.2)
+    assert "costs 20 per cent less time" in convergence.summary(ds)
+    ds.seconds.values[:] **= -1.0
+    assert "costs 25 per cent more time" in convergence.summary(ds)
 
 
 @pytest.mark.parametrize("name", TRADEOFF)
@@ -102,7 +105,7 @@ def test_a_height_file_has_the_ladders_of_one_grid(tmp_path: Path) -> None:
 def test_command_writes_a_dataset_and_figures(tmp_path: Path) -> None:
     (tmp_path / "small.yaml").write_text("surface: {D: 2.4, m: 4, seeds: 1}\nsweep: {steps: 4}\n")
     text = said("tradeoff", tmp_path / "small.yaml", "--out", tmp_path / "run")
-    assert "per cent less time" in text
+    assert "ten times less accuracy costs" in text
     assert "A* NOT converged in m" in text
     assert "ladder" in dataset.read(tmp_path / "run" / "tradeoff.nc").coords
     assert len(list((tmp_path / "run" / "figures").glob("*.png"))) == len(TRADEOFF)
