@@ -60,7 +60,8 @@ class Accessor:
         state : str or mapping, optional
             The level as on the command line: ``"last"`` or ``"pressure=0.5 MPa, leg 2"``.
         leg : int, optional
-            Leg of a path. Default: the first leg on which a surface reaches the level.
+            Leg of a path. Default: the first leg on which a surface reaches the level. A level before the first step of
+            leg 1 needs its leg.
         **kind : float, str or Quantity
             The level by its kind, as ``contact_area=0.1`` or ``pressure="0.5 MPa"``.
 

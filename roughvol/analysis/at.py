@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -190,8 +190,9 @@ def at(run: Run, group: Dataset, level: Level) -> State:
 def state_at(run: Run, group: Dataset, level: Level) -> State:
     """Return the surfaces of a group that reach a level or closed before; a `DatasetError` if there are none.
 
-    A level without a leg is on the first leg on which any surface reaches it; ``last`` is on the last leg. The label of
-    the state names the leg of a path of several. A level with a unit needs a run with units.
+    A level without a leg is on the first leg on which any surface reaches it. It is refused before the first step of
+    leg 1: leg 1 passes it, and a later leg may have another state there. ``last`` is on the last leg. The label of the
+    state names the leg of a path of several. A level with a unit needs a run with units.
     """
     legs = legs_of(group)
     check_load(run.study, level)
@@ -207,6 +208,9 @@ def state_at(run: Run, group: Dataset, level: Level) -> State:
         if state is not None and state.reached:
             return state
         closed = closed or state
+        if leg == 1 and leg != searched[-1] and _is_before(level, reach):
+            later = f"allowed: a step there, or a later leg, as '{level.label}, leg 2'"
+            raise DatasetError(f"{run.name}: {level.label} lies before the first step of leg 1; {later}")
     if closed is not None:
         return closed
     reach = reach or group["step"].values.astype(float).tolist()
@@ -216,6 +220,13 @@ def state_at(run: Run, group: Dataset, level: Level) -> State:
         f"{run.name} has no state at {level.label}: its steps have {kind} {number(min(reach))} to "
         f"{number(max(reach))}{unit}"
     )
+
+
+def _is_before(level: Level, reach: Sequence[float]) -> bool:
+    """Return whether a level lies before the first step of the first leg, whose values are given."""
+    if not (_is_stored(level) and reach and level.value is not None):
+        return False
+    return level.value > max(reach) if STATE_KINDS[level.kind].falls else level.value < min(reach)
 
 
 def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach: list[float]) -> State | None:

@@ -89,6 +89,17 @@ def test_the_state_of_a_path_is_named_with_its_leg() -> None:
         assert roughvol.show(ds, text).frame()["state"].item() == label
 
 
+@pytest.mark.parametrize(("kind", "value"), [("pressure", 0.2), ("free_volume", 1.5)])
+def test_a_level_before_the_first_step_is_on_no_later_leg_unless_it_is_named(kind: str, value: float) -> None:
+    """The state of a later leg was given: of metal that has yielded, with another leak."""
+    legs = [{"steps": 2, "to": {"pressure": load}} for load in (1.0, 0.01)]
+    ds = roughvol.press(np.random.default_rng(0).normal(size=(9, 9)), L=1.0, hardness=5.0, sweep=legs)
+    refusal = rf"{kind}={value} lies before the first step of leg 1; .* '{kind}={value}, leg 2'"
+    with pytest.raises(DatasetError, match=refusal):
+        roughvol.show(ds, f"{kind}={value}")
+    assert roughvol.show(ds, f"{kind}={value}, leg 2").rows
+
+
 @pytest.mark.parametrize(
     "text", ["pressure", "q=1", "pressure=", "pressure=1 um", "last=3", "leak_rate=-1 mm^3/s", "A=1.01"]
 )
