@@ -231,8 +231,6 @@ def ask(
     # a study of several combinations would not answer for one, which the changes of a run may choose
     single = whole is None or len(whole.variants) == 1 or (found.has_study and len(parts_of(found.dataset)) == 1)
     narrower = read_off.narrower(results, answers, closed=leak_rate is None) if single else []
-    if budget and kelvin is not None:
-        raise refused(f"the leak rate is {wanted!r}: the budget of the error is that of a liquid")
     if budget:
         answers = answered(_errors(found, answers, jobs, closed=leak_rate is None))
     return ReadOff(found, wanted, unknown, load, tuple(answers), tuple(narrower))
@@ -363,8 +361,6 @@ def creep(
     history = over_time.history(results, load_creep(law), load, read_times(times))
     if not budget:
         return history
-    if of_gas:
-        raise refused("the leak is that of a gas: the budget of the error is that of a liquid")
     loads = over_time.loads_of_cards(history)
     cards = {load: _card_at(found, f"pressure={load:.5g} {history.pressure_unit}", jobs) for load in loads}
     return over_time.with_errors(history, cards)

@@ -7,9 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
+import roughvol
 from roughvol.analysis import leak_curve
+from roughvol.analysis.tables import rounded
 from roughvol.campaign import card as card_runs
+from roughvol.report import card_page, card_text
 from roughvol.store import dataset
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from tests.kit import LEAKING, LEAKING_GAS, ROOT, answered, call, ran, refused, said, succeeded, twin
@@ -148,7 +152,6 @@ def test_the_unit_of_a_leak_decides_between_liquid_and_gas() -> None:
     first, second = (float(one.split("along x: pressure ")[1].split()[0]) for one in asked[:2])
     assert abs(first / second - 1.0) < 1e-3
     for words, message in (
-        (["1 sccm", "--budget"], "the budget of the error is that of a liquid"),
         (["1 sccm", "--for", "Sq", "--at", "pressure=1 kPa"], "mean free path"),
         (["1 mm^3/s"], "as in sccm ('mm^3/s' is a unit of flow, not of throughput; allowed: mbar*l/s, "),
         (["1 torrr*l/s"], "as in sccm ('torrr*l/s' is no known unit; allowed for a throughput: mbar*l/s, "),
@@ -156,6 +159,37 @@ def test_the_unit_of_a_leak_decides_between_liquid_and_gas() -> None:
         assert message in refused("ask", "gas", "--leak-rate", *words)
     ran("far", LEAKING_GAS.replace("every-step", "{contact_area: 0.99}"))
     assert "no state of record.transport.gas_flow was reached" in refused("ask", "far", "--leak-rate", "1 sccm")
+
+
+def test_the_leak_of_a_gas_has_the_factors_of_the_liquid() -> None:
+    """Of the card, and of ask and creep with its budget; they were refused for a gas."""
+    study = LEAKING_GAS.replace("m: 4", "m: 6").replace("1 um}", "1 um, sides: mirrored}")
+    study = study.replace("outlet: 0 bar", "outlet: 0 bar, law: viscous")
+    ran("gas", study.replace("8, to: {pressure: 0.5 MPa", "3, to: {pressure: 40 kPa"))
+    load = "pressure=0.02 MPa"
+    card = roughvol.card("gas", load, jobs=1)
+    (found,) = card.cards.values()
+    (gas,), way = found.beside, found.ways[0]
+    factors = np.array(way.interval) / way.leak.value
+    assert 0.0 <= factors[0] < 1.0 < factors[1] < np.inf
+    leak, low, high = gas.leaks[0].value, *gas.intervals[0]
+    assert_allclose([low, high], leak * factors, rtol=1e-12)
+    assert card.plain()["beside"][0]["x_interval"] == [low, high]
+    (row,) = (row for row in card_page.numbers_of(card.pages) if row[5:7] == (gas.words, "x"))
+    assert row[7:10] == (leak, low, high)
+    value, *ends = (rounded(end, low, high) for end in (leak, low, high))
+    words = f"{value} sccm of the gas, between {' and '.join(ends)}; of a liquid T* V*³ = "
+    assert card_text.answer(found, way).startswith(words)
+    read, whole = (roughvol.ask("gas", leak_rate=leak, budget=budget, jobs=1).answers[0] for budget in (False, True))
+    assert whole.value == read.value
+    assert whole.budget is not None
+    of_less = roughvol.ask("gas", leak_rate=leak / whole.budget.leak[1]).answers[0]
+    assert whole.high == of_less.high > 1.1 * read.high
+    law = {"table": {"times": ["1 s", "1 h"], "ratios": [1.0, 1.2]}}
+    first, errors = (
+        roughvol.creep("gas", law, at=load, times=["1 s"], budget=budget, jobs=1).leak["x"] for budget in (False, True)
+    )
+    assert_allclose([errors.low[0], errors.high[0]], factors * [first.low[0], first.high[0]], rtol=1e-12)
 
 
 def test_a_leak_of_neither_fluid_is_refused_with_the_units_of_both() -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from roughvol.analysis.average import Average, average
 from roughvol.analysis.closing import Closing
-from roughvol.analysis.parts import Part, WithParts
+from roughvol.analysis.parts import Part, WithParts, factors_of
 from roughvol.observables.variables import AXES
 from roughvol.study import convert
 from roughvol.study.plain_data import finite
@@ -54,17 +54,26 @@ class Way(WithParts):
 
 @dataclass(frozen=True)
 class Beside:
-    """A leak beside the leak that counts, of the dry gap or of a ``gas``, along x and y; no ``unit`` for T* V*³."""
+    """A leak beside the leak that counts, of the dry gap or of a ``gas``, along x and y; no ``unit`` for T* V*³.
+
+    ``intervals`` are those of a gas, by the factors of the leak that counts; NaN where they are not known.
+    """
 
     words: str
     leaks: tuple[Average, ...]
     unit: str
-    gas: bool = False
+    intervals: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def gas(self) -> bool:
+        """Whether the leak is that of a gas through the gap that counts."""
+        return bool(self.intervals)
 
     def plain(self) -> dict[str, Any]:
         """Return the leak as plain data for JSON."""
         leaks = {axis: finite(leak.value) for axis, leak in zip(AXES, self.leaks, strict=True)}
-        return {"words": self.words, **leaks, "unit": self.unit or "1"}
+        intervals = {f"{axis}_interval": _interval(ends) for axis, ends in zip(AXES, self.intervals, strict=False)}
+        return {"words": self.words, **leaks, **intervals, "unit": self.unit or "1"}
 
 
 @dataclass(frozen=True)
@@ -99,6 +108,11 @@ class SealLeak(WithParts):
     gas_leak: float = math.nan
     gas_unit: str = ""
 
+    @property
+    def gas_interval(self) -> tuple[float, float]:
+        """Smallest and largest leak of the gas; NaN where it is not known."""
+        return by_factors(self.gas_leak, self.leak, self.interval)
+
     def plain(self) -> dict[str, Any]:
         """Return ``leak``, ``tight_above`` and their intervals as plain data: pressures in MPa, None where unknown."""
         to_mpa = convert(1.0, self.load_unit, "MPa") if self.load_unit else math.nan
@@ -109,7 +123,8 @@ class SealLeak(WithParts):
             "tight_above_interval": _interval(tuple(end * to_mpa for end in self.closing_interval)),
         }
         if self.gas_unit:
-            numbers |= {"gas_leak": finite(self.gas_leak), "gas_leak_unit": self.gas_unit}
+            numbers |= {"gas_leak": finite(self.gas_leak), "gas_leak_interval": _interval(self.gas_interval)}
+            numbers["gas_leak_unit"] = self.gas_unit
         return numbers
 
 
@@ -169,6 +184,12 @@ class Card:
             **({"beside": [leak.plain() for leak in self.beside]} if self.beside else {}),
             **({"seal": self.seal.plain()} if self.seal is not None else {}),
         }
+
+
+def by_factors(gas: float, leak: float, interval: tuple[float, float]) -> tuple[float, float]:
+    """Return the interval of the leak of a gas, by the factors of the leak of a liquid."""
+    smaller, larger = factors_of(leak, interval)
+    return gas * smaller, gas * larger
 
 
 def _interval(ends: tuple[float, ...]) -> list[float] | None:

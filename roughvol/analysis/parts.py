@@ -43,6 +43,13 @@ def together(parts: Sequence[Part]) -> tuple[float, float]:
     return smaller, larger
 
 
+def factors_of(value: float, interval: tuple[float, float]) -> tuple[float, float]:
+    """Return the ends of an interval over its number > 0; NaN where they are not known."""
+    if not (value > 0.0 and all(map(math.isfinite, interval))):
+        return math.nan, math.nan
+    return interval[0] / value, interval[1] / value
+
+
 class WithParts:
     """A number with the parts of its error."""
 

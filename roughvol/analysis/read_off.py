@@ -31,7 +31,7 @@ from roughvol.analysis.derived import derived, is_pressed, lacks_states, nominal
 from roughvol.analysis.leak_card import Card
 from roughvol.analysis.leak_curve import Curve, LoadReading, axes, closings, curves, surfaces
 from roughvol.analysis.legs import legs_of
-from roughvol.analysis.parts import Part
+from roughvol.analysis.parts import Part, factors_of
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.units import scales, sigma
 from roughvol.errors import StudyError
@@ -70,17 +70,11 @@ def errors_of(card: Card, axis: str) -> Errors:
     if card.seal is not None:
         seal = card.seal
         solved = (Span(seal.closing, seal.closing),) if math.isfinite(seal.closing) else ()
-        closing = _factors(seal.closing, seal.closing_interval)
-        return Errors(seal.parts, _factors(seal.leak, seal.interval), seal.closing_parts, closing, solved)
+        closing = factors_of(seal.closing, seal.closing_interval)
+        return Errors(seal.parts, factors_of(seal.leak, seal.interval), seal.closing_parts, closing, solved)
     (way,) = (way for way in card.ways if way.axis == axis)
-    closes, leak = way.closing, _factors(way.leak.value, way.interval)
-    return Errors(way.parts, leak, closes.parts, _factors(closes.value, closes.interval), closes.spans)
-
-
-def _factors(value: float, ends: tuple[float, float]) -> tuple[float, float]:
-    if not (value > 0.0 and all(map(math.isfinite, ends))):
-        return math.nan, math.nan
-    return ends[0] / value, ends[1] / value
+    closes, leak = way.closing, factors_of(way.leak.value, way.interval)
+    return Errors(way.parts, leak, closes.parts, factors_of(closes.value, closes.interval), closes.spans)
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,7 @@ def ask(
     """
     if (leak_rate is None) == (not closed):
         raise click.UsageError("either --leak-rate VALUE or --closed")
-    from roughvol.analysis.read_off import SOLVES_CLOSING, is_beyond, is_throughput
+    from roughvol.analysis.read_off import SOLVES_CLOSING, is_beyond
 
     found = roughvol.ask(run, leak_rate=leak_rate, unknown=unknown, at=state, budget=budget, jobs=jobs, changes=changes)
     warn_of(found.run.dataset)
@@ -83,8 +83,7 @@ def ask(
             say(f"  {_of_budget(answer)}")
     beyond_loads = any(map(is_beyond, found.answers))
     errors = budget or not any(answer.found for answer in found.answers)  # without an answer no errors are missing
-    offered = found.run.has_study and not is_throughput(found.leak_rate)
-    for line in beyond(found.run, has_errors=errors, offered=offered):
+    for line in beyond(found.run, has_errors=errors):
         say(line)
     if (narrower := found.command()) and not (budget and not beyond_loads):
         longer = "A solved closing load answers" if SOLVES_CLOSING in found.narrower else "A longer sweep answers"
@@ -99,18 +98,15 @@ def titled(name: str, results: Dataset) -> str:
     return ", ".join(filter(None, (name, parts_of(results)[0].words, read_off.path_words(results))))
 
 
-def beyond(run: StoredRun, *, has_errors: bool, offered: bool) -> Iterator[str]:
-    """Yield how several height files count, and which errors of a leak a read-off does not have.
-
-    ``offered`` is whether a card has these errors.
-    """
+def beyond(run: StoredRun, *, has_errors: bool) -> Iterator[str]:
+    """Yield how several height files count, and which errors of a leak a read-off does not have."""
     from roughvol.analysis import read_off
     from roughvol.store.variants import of_one_combination
 
     results = of_one_combination(run.dataset)
     yield from filter(None, (read_off.files_words(results), read_off.seal_words(results)))
     if not has_errors:
-        card = f"; with them: --budget, or roughvol card {run.call}" if offered else "."
+        card = f"; with them: --budget, or roughvol card {run.call}" if run.has_study else "."
         yield f"Errors of the grid and of the window are not in these numbers{card}"
 
 

@@ -54,7 +54,6 @@ def creep(
     has the interval of leak cards at up to four of the states.
     """
     from roughvol.analysis import creep as over_time
-    from roughvol.analysis.read_off import is_throughput
     from roughvol.questions import opened
     from roughvol.report.figures.creep import drawing_of
     from roughvol.store import stamped_file
@@ -69,8 +68,7 @@ def creep(
         return
     say(f"{titled(found.name, found.dataset)}: at {history.pressure:.4g} {history.pressure_unit}; {history.body}")
     say_table(over_time.table_of(history))
-    offered = found.has_study and not is_throughput(f"1 {history.leak_unit}")
-    for line in beyond(found, has_errors=budget, offered=offered):
+    for line in beyond(found, has_errors=budget):
         say(line)
     folder = out or found.pages
     stamped_file.write(folder / "creep.csv", csv_text(*over_time.rows_of(history)).encode())

@@ -162,12 +162,14 @@ def _leaks(card: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
         yield "patch", way["axis"], way["leak"], *leak, way["unit"], way["closing_pressure"], *closing
     for beside in card.get("beside", ()):
         for axis in (way["axis"] for way in card["ways"]):
-            yield beside["words"], axis, beside[axis], *unknown, beside["unit"], None, *unknown
+            leak = beside.get(f"{axis}_interval") or unknown
+            yield beside["words"], axis, beside[axis], *leak, beside["unit"], None, *unknown
     if seal := card.get("seal"):
         leak, closing = (seal[key] or unknown for key in ("leak_interval", "tight_above_interval"))
         yield "seal", None, seal["leak"], *leak, card["ways"][0]["unit"], seal["tight_above"], *closing
         if "gas_leak" in seal:
-            yield "seal, gas", None, seal["gas_leak"], *unknown, seal["gas_leak_unit"], None, *unknown
+            leak = seal["gas_leak_interval"] or unknown
+            yield "seal, gas", None, seal["gas_leak"], *leak, seal["gas_leak_unit"], None, *unknown
 
 
 def write_table(pages: Sequence[Page], stem: str, title: str, folder: Path) -> Path:

@@ -98,12 +98,21 @@ def _leaks(card: Card, way: Way) -> str:
     of_liquid = f"{OF_LIQUID} " if gas is not None else ""
     if way.leak.value > 0.0:
         middle, liquid = "median " if way.leak.surfaces > 1 else "", amount(way.leak.value, way.unit, way.interval)
-        if gas is not None and math.isfinite(throughput := gas.leaks[AXES.index(way.axis)].value):
-            return f"{middle}{short(throughput)} {unit_text(gas.unit)} of the gas; {of_liquid}{liquid}"
+        k = AXES.index(way.axis)
+        if gas is not None and math.isfinite(throughput := gas.leaks[k].value):
+            return f"{middle}{_of_gas(throughput, gas.unit, gas.intervals[k])}; {of_liquid}{liquid}"
         return middle + liquid
     most = way.interval[1]
     bounded = math.isfinite(most) and most > 0.0
     return "closed on this grid" + (f", at most {of_liquid}{amount(most, way.unit)}" if bounded else "")
+
+
+def _of_gas(leak: float, unit: str, interval: tuple[float, float]) -> str:
+    """Return the leak of a gas with its interval; digits follow the interval."""
+    if not all(map(math.isfinite, interval)):
+        return f"{short(leak)} {unit_text(unit)} of the gas"
+    value, low, high = (rounded(end, *interval) for end in (leak, *interval))
+    return f"{value} {unit_text(unit)} of the gas, between {low} and {high}"
 
 
 def _counts(way: Way) -> str:
@@ -242,7 +251,9 @@ def load_facts(card: Card) -> Iterator[tuple[str, str]]:
     if math.isfinite(card.mean("free_volume")):  # beyond the end of a sweep that ends closed the state is not known
         yield from _state_facts(card)
     for beside in card.beside:
-        values = (short(leak.value) if math.isfinite(leak.value) else "not known" for leak in beside.leaks)
+        values = [short(leak.value) if math.isfinite(leak.value) else "not known" for leak in beside.leaks]
+        for k, (low, high) in enumerate(beside.intervals):
+            values[k] += f" ({short(low)} to {short(high)})" * math.isfinite(high)
         axes = ", ".join(f"{way.axis} {value}" for way, value in zip(card.ways, values, strict=True))
         median = "median, " if len(card.surfaces) > 1 else ""
         yield f"{beside.words[:1].upper()}{beside.words[1:]}", f"{median}{axes} {unit_text(beside.unit)}".strip()
@@ -282,7 +293,7 @@ def seal(of_seal: SealLeak, *, legs: bool = False) -> str:
     elif of_seal.leak > 0.0:
         leaks = amount(of_seal.leak, of_seal.unit, of_seal.interval).replace("T* V*³", "T* V*³ length/width")
         if of_seal.gas_unit and not of_seal.unit and math.isfinite(of_seal.gas_leak):
-            gas = f"{short(of_seal.gas_leak)} {unit_text(of_seal.gas_unit)} of the gas"
+            gas = _of_gas(of_seal.gas_leak, of_seal.gas_unit, of_seal.gas_interval)
             leaks = f"{gas}; {OF_LIQUID} {leaks}"
         leaks = f"leaks {leaks}" if of_seal.gas_unit or of_seal.unit else f"has {leaks}"
     else:

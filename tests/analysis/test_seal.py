@@ -356,7 +356,7 @@ def test_a_card_has_the_leak_of_a_gas_through_its_seal(tmp_path: Path) -> None:
     assert plain["gas_leak_unit"] == gas.unit == "mbar*l/s"
     (throughput,) = (line for line in card_text.seal_details(of_seal) if "air" in line)
     assert re.search(
-        rf": {of_seal.gas_leak:.3g} mbar l/s; the interval is that of the liquid", throughput
+        rf": {of_seal.gas_leak:.3g} mbar l/s; its interval has the factors of the liquid", throughput
     )  # one map, no sheets
 
 

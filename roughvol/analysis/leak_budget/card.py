@@ -32,7 +32,7 @@ from roughvol.analysis.leak_budget.state import (
     surfaces_at_load,
 )
 from roughvol.analysis.leak_budget.window import window_part, window_part_of_load
-from roughvol.analysis.leak_card import Beside, Card, SealLeak, Way
+from roughvol.analysis.leak_card import Beside, Card, SealLeak, Way, by_factors
 from roughvol.analysis.parts import Part, together
 from roughvol.analysis.seal import Patch
 from roughvol.analysis.stored_run import Run
@@ -99,7 +99,7 @@ def card_of(runs: Sequence[CardRuns], name: str, load: str) -> Card:
         pressure_unit=ways[0].closing.unit,
         length_unit=str(fine[0].run.dataset.attrs.get("length_unit", "")),
         ways=ways,
-        beside=tuple(_beside(fine)),
+        beside=tuple(_beside(fine, ways)),
         lifted=is_lifted(fine[0].table),
         warnings=tuple(dict.fromkeys(filter(None, warnings))),
         seal=_seal(fine, ways),
@@ -144,7 +144,7 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
         gas = fine[0].table[name].attrs.get("gas", "the gas")
         throughput = f"{number(gas_leak, 3)} {gas_unit}{', the median of as many sheets' * (len(fine) > 1)}"
         if math.isfinite(gas_leak):
-            words += (f"leak of {gas}: {throughput}; the interval is that of the liquid",)
+            words += (f"leak of {gas}: {throughput}; its interval has the factors of the liquid",)
     if leak.value == 0.0 and not doubt:  # at most the leak of patches that close later
         most = patch.conductances(np.array([[way.at_most for way in ways]]), in_units=units)[0, 0] * patch.squares
         leak, parts = seal.Estimate(0.0, 0.0 if math.isfinite(most) else math.nan, most), flow.parts
@@ -197,16 +197,18 @@ def _of_quadrants(surface: Loaded) -> Array:
     return np.stack(leaks, axis=1)
 
 
-def _beside(fine: Sequence[Loaded]) -> Iterator[Beside]:
+def _beside(fine: Sequence[Loaded], ways: Sequence[Way]) -> Iterator[Beside]:
     """Yield the leaks of the dry gap and of a gas."""
     dry = "leak of the dry gap, without fluid pressure"
     for name, words in ((f"{FLOW}_dry", dry), (f"gas_{FLOW}", "leak of"), (f"gas_{FLOW}_dry", dry)):
-        leaks = [[surface.leak(axis, name) for surface in fine] for axis in AXES]
+        leaks = [average(name, [surface.leak(axis, name) for surface in fine]) for axis in AXES]
         variable = fine[0].table.get(name)
-        if np.isfinite(leaks).any():
+        if any(math.isfinite(leak.value) for leak in leaks):
             gas = str(variable.attrs.get("gas", "")) if variable is not None else ""
             text = f"{words} {gas or 'the gas'}" if words == "leak of" else f"{words}, {gas}".removesuffix(", ")
-            yield Beside(text, tuple(average(name, row) for row in leaks), fine[0].unit(name), name == f"gas_{FLOW}")
+            pairs = zip(leaks, ways, strict=True) if name == f"gas_{FLOW}" else ()
+            intervals = [by_factors(leak.value, way.leak.value, way.interval) for leak, way in pairs]
+            yield Beside(text, tuple(leaks), fine[0].unit(name), tuple(intervals))
 
 
 def _way(fine: Sequence[Loaded], coarser: Grids, sources: Sequence[Source], axis: str) -> Way:
