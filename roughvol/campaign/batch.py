@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 import platform
 import time
 from collections import Counter
@@ -109,6 +110,7 @@ class Task:
 
 
 _held: HalfSpaces = {}  # of a worker process: the half space of its last case
+os.register_at_fork(after_in_child=_held.clear)  # a fork has no threads of this half space, and would wait for them
 
 
 def run_task(task: Task, tell: Callable[[tuple[str, int]], None], stopping: Callable[[], bool]) -> bytes | None:

@@ -37,6 +37,7 @@ LIVES = 2  # processes that may die of a task before it is given up
 
 _messages: Any = None  # of a worker process, set at its start: the queue to the parent
 _stop: Any = None  # and the event at which tasks are to end
+_one_at_a_time = threading.RLock()  # threads that call roughvol cannot share a half space
 _hiding = threading.Lock()  # a second thread would take the module that hides __main__ for it
 _computes_here: ContextVar[bool | None] = ContextVar("computes_here", default=None)  # set by in_this_process
 
@@ -140,7 +141,8 @@ def _each_here(
         on_begin(task)
         result, failure = None, None
         try:
-            result = function(task, tell, stopping)
+            with _one_at_a_time:
+                result = function(task, tell, stopping)
         except Exception as error:  # an interrupt is no error of the task: it ends all
             if error in refused:
                 raise

@@ -4,8 +4,10 @@ import json
 import os
 import re
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from decimal import Decimal
 from fractions import Fraction
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,7 @@ import roughvol
 from roughvol.errors import FolderError, StudyError
 from roughvol.store import lock
 from roughvol.study import loads, of_data, reading
-from tests.campaign.kit import table
+from tests.campaign.kit import noise, table
 from tests.kit import call, refused, succeeded
 
 pytestmark = pytest.mark.usefixtures("here")
@@ -44,6 +46,29 @@ def test_press_gives_numbers_in_units_and_leaves_nothing_on_disk() -> None:
     expected = 0.1 * 500 / (10 / 0.75 * float(ds.Sq))
     assert_allclose(float(ds.mean_pressure[-1]), expected, rtol=1e-5)
     assert os.listdir() == []  # noqa: PTH208
+
+
+def test_threads_that_press_at_once_have_the_numbers_of_one_thread() -> None:
+    """They shared one half space: most of them ended in solutions of NaN."""
+    maps = [noise(seed, 33, 33) for seed in range(8)]
+
+    def volumes(heights: Any) -> list[float]:
+        return roughvol.press(heights, L=100.0, to={"contact_area": 0.4}, steps=6).free_volume.values.tolist()
+
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(volumes, maps)) == [volumes(heights) for heights in maps]
+
+
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
+def test_a_fork_of_a_process_that_has_pressed_presses_too() -> None:
+    """It waited without end for the threads of the half space of its parent."""
+    options: dict[str, Any] = {"L": 100.0, "steps": 2}
+    roughvol.press(noise(0, 60, 60), **options)
+    fork = get_context("fork").Process(target=roughvol.press, args=(noise(0, 60, 60),), kwargs=options)
+    fork.start()
+    fork.join(20)
+    fork.kill()
+    assert fork.exitcode == 0
 
 
 def test_press_takes_a_gas() -> None:
