@@ -283,7 +283,8 @@ def cards(tmp_path_factory: pytest.TempPathFactory) -> Cards:
     """The card on a grid of 32 nodes, and on a coarser one of 16."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(card_runs, "FEWEST_NODES", 17)
-        return roughvol.card(loads(TEXT), AT, out=tmp_path_factory.mktemp("seal"), jobs=1)
+        study = loads(TEXT.replace("steps: 8", "steps: 5"))
+        return roughvol.card(study, AT, out=tmp_path_factory.mktemp("seal"), jobs=1)
 
 
 def _card(text: str, at: str, folder: Path) -> tuple[Card, SealLeak]:
