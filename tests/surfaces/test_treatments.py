@@ -219,12 +219,6 @@ def test_nothing_of_a_rough_surface_is_an_outlier():
         assert not outliers(heights, 6.0).any()
 
 
-@pytest.mark.parametrize("window", [3, 11])
-def test_white_noise_is_cut_as_if_it_deviated_by_a_tenth_more(window):
-    share = outliers(WHITE, 3.0, window).mean()
-    assert math.erfc(3.3 / math.sqrt(2.0)) < share < math.erfc(3.0 / 1.1 / math.sqrt(2.0))
-
-
 @pytest.mark.parametrize(("height", "window", "tilt"), [(40.0, 3, 0.0), (-40.0, 5, 0.5), (9.0, 9, 0.0), (9.0, 5, 0.5)])
 def test_spikes_are_found_and_nothing_else(height, window, tilt):
     expected = np.zeros(CORRELATED.shape, dtype=bool)
