@@ -150,7 +150,7 @@ smoke: $(PACKAGE)  ## run and plot one small study
 
 # The sealing study of a gas takes most sections of a study.
 OLD := build/lowest/env
-lowest: $(PACKAGE)  ## run and plot one small study with the lowest libraries of pyproject.toml
+lowest: $(PACKAGE)  ## run and plot a small study, and explain a section, with the lowest libraries of pyproject.toml
 	@$(BIN)/uv build --quiet --system-certs --clear --wheel --out-dir build/lowest || { echo "not tried: uv builds no wheel here"; exit 0; }; \
 	set -e; $(BIN)/uv venv --quiet --clear --python $(BIN)/python $(OLD); \
 	$(BIN)/uv pip compile --quiet --system-certs --python $(OLD) --resolution lowest-direct --only-binary :all: \
@@ -158,7 +158,8 @@ lowest: $(PACKAGE)  ## run and plot one small study with the lowest libraries of
 	$(BIN)/uv pip install --quiet --system-certs --python $(OLD) --only-binary :all: \
 		--constraint build/lowest/pins.txt build/lowest/*.whl; \
 	$(OLD)/bin/roughvol run configs/gas_seal.yaml --set surface.m=3 --fresh --out runs/lowest; \
-	$(OLD)/bin/roughvol plot runs/lowest leak_of_p
+	$(OLD)/bin/roughvol plot runs/lowest leak_of_p; \
+	$(OLD)/bin/roughvol explain surface > build/lowest/explain.txt
 
 clean:  ## remove .venv, builds and results
 	@rm -rf $(VENV) build *.egg-info runs/*/

@@ -43,7 +43,7 @@ def _keys(schema: Any, models: Any, path: str, form: str) -> Iterator[Key]:
         yield Key(here, _values(value, models), default, value.get("description", ""), form)
         found = list(_models(value, models))
         for title, model in found:
-            words = str(model.get("description", title)).splitlines()[0].rstrip(".")
+            words = str(model.get("description", title)).partition("\n")[0].rstrip(".")  # pydantic 2.7 may have none
             yield from _keys(model, models, here, words if len(found) > 1 else "")
 
 

@@ -2,9 +2,9 @@
 
     python -m tests.bench.gas_intervals --surfaces 10
 
-Mirrored midpoint surfaces of 65 × 65 nodes have a card each, and the same seeds at m = 8 are the truth: a window of their
-own, so the part of the window is left out. Of helium, one pair of pressures leads into vacuum, so that mean free paths
-are long, and one is close to viscous flow.
+Mirrored midpoint surfaces of 65 × 65 nodes have a card each, and the same seeds at m = 8 are the truth. Both are the
+same window, so the part of the window is left out. Of helium, one pair of pressures leads into vacuum, so that mean
+free paths are long, and one is close to viscous flow.
 """
 
 import argparse
