@@ -61,7 +61,7 @@ def _parts(schema: Any, models: Any) -> list[Any]:
     """Return the schema that another one refers to, or the schemas of which a value fits one."""
     if "$ref" in schema:
         return [models[schema["$ref"].rpartition("/")[2]]]
-    return [*schema.get("anyOf", ()), *schema.get("oneOf", ())]
+    return [*schema.get("anyOf", ()), *schema.get("oneOf", ()), *schema.get("allOf", ())]  # pydantic 2.7 has the last
 
 
 def _values(schema: Any, models: Any) -> str:

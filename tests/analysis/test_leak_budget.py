@@ -134,9 +134,10 @@ def _ways_of(runs: CardRuns, seeds: Sequence[int]) -> Iterator[tuple[str, Way]]:
 
 
 def test_the_grid_of_a_median_is_that_of_its_surfaces_together(runs: CardRuns) -> None:
-    """The leak of each surface reaches no farther than twice its change from twice the spacing, as a logarithm."""
-    fine, twice = (one.dataset.flux_at_leak_rate.sel(axis="y").values.ravel() for one in (runs.fine, runs.coarser[0]))
-    change = np.exp(2.0 * np.abs(np.log(twice / fine)))
+    """The leak of each surface reaches no farther than twice its largest change from a coarser grid, as a logarithm."""
+    grids = (runs.fine, *runs.coarser)
+    fine, *others = (one.dataset.flux_at_leak_rate.sel(axis="y").values.ravel() for one in grids)
+    change = np.exp(2.0 * np.abs(np.diff(np.log([fine, *others]), axis=0)).max(axis=0))
     part = part_of(card_of([runs], "s", "").ways[1], "grid")
     assert 1.0 < part.factor <= np.median(fine * change) / np.median(fine) * (1 + 1e-9)
     assert 1.0 < part.smaller <= np.median(fine) / np.median(fine / change) * (1 + 1e-9)

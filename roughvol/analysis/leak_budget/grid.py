@@ -15,7 +15,7 @@ from roughvol.analysis.tables import number
 from roughvol.observables.variables import AXES
 
 # From the spacing of a map down to a quarter: python -m tests.bench.card_coverage
-OCTAVES = 2.0  # a leak changes at most as much in each as from twice the spacing; its loads rise as the slope
+OCTAVES = 2.0  # a leak changes at most as much in each as from coarser grids; its loads rise as the slope
 PIXEL = 1.0  # octave of the closing load that means over pixels take off the map
 SCATTER = 0.25  # logarithm of the closing load: on a finer grid another channel closes last
 OPEN = 0.5  # share of it for leaks, which pass through several channels
@@ -78,17 +78,21 @@ def grid_part_of_load(fine: Sequence[Loaded], coarser: Grids, finer: Sequence[Fi
 
 
 def grid_part(fine: Sequence[Loaded], coarser: Grids, finer: Sequence[Finer], axis: str) -> Part:
-    """Return the part of the grid of the leak: that of the loads, at most twice the change from twice the spacing.
+    """Return the part of the grid of the leak: that of the loads, at most twice the largest change from a coarser grid.
 
-    There is one coarser grid at least.
+    The changes are those from twice the spacing, and from four times to twice. If the way is closed there, no change
+    bounds the part. There is one coarser grid at least.
     """
     words = ", ".join(f"{words}: {_change(fine, surfaces, axis)}" for words, surfaces in coarser)
     ends = list[tuple[float, float]]()
-    for surface, coarse, below in zip(fine, coarser[0][1], finer, strict=True):
-        fall, rise = below.of_leak
-        here, change = surface.leak(axis), math.exp(OCTAVES * abs(log_ratio(surface, coarse, axis)))
-        low = np.nanmax([here / change, surface.leak_if(axis, -fall), 0.0])
-        ends.append((low, np.nanmin([here * change, surface.leak_if(axis, rise), math.inf])))
+    for surface, below, *others in zip(fine, finer, *(surfaces for _, surfaces in coarser), strict=True):
+        here, (fall, rise) = surface.leak(axis), below.of_leak
+        low, high = surface.leak_if(axis, -fall), surface.leak_if(axis, rise)
+        octaves = [abs(log_ratio(*pair, axis)) for pair in itertools.pairwise((surface, *others))]
+        if math.isnan(low):  # the change is all that is known: an octave that closes the way is left out
+            octaves = [octaves[0], *(log for log in octaves[1:] if math.isfinite(log))]
+        change = math.exp(OCTAVES * float(np.max(octaves)))
+        ends.append((np.nanmax([here / change, low, 0.0]), np.nanmin([here * change, high, math.inf])))
     return part_of_surfaces("grid", fine, ends, axis, f"{words}; {_finer_words(finer)}")
 
 
