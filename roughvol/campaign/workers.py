@@ -38,6 +38,7 @@ LIVES = 2  # processes that may die of a task before it is given up
 _messages: Any = None  # of a worker process, set at its start: the queue to the parent
 _stop: Any = None  # and the event at which tasks are to end
 _one_at_a_time = threading.RLock()  # threads that call roughvol cannot share a half space
+os.register_at_fork(after_in_child=lambda: globals().update(_one_at_a_time=threading.RLock()))  # a thread may hold it
 _hiding = threading.Lock()  # a second thread would take the module that hides __main__ for it
 _computes_here: ContextVar[bool | None] = ContextVar("computes_here", default=None)  # set by in_this_process
 

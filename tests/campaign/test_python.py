@@ -18,6 +18,7 @@ import xarray as xr
 from numpy.testing import assert_allclose
 
 import roughvol
+from roughvol.campaign import workers
 from roughvol.errors import FolderError, StudyError
 from roughvol.store import lock
 from roughvol.study import loads, of_data, reading
@@ -61,13 +62,16 @@ def test_threads_that_press_at_once_have_the_numbers_of_one_thread() -> None:
 
 @pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
 def test_a_fork_of_a_process_that_has_pressed_presses_too() -> None:
-    """It waited without end for the threads of the half space of its parent."""
+    """It waited without end for threads of its parent: those of the half space, and a thread that presses."""
     options: dict[str, Any] = {"L": 100.0, "steps": 2}
     roughvol.press(noise(0, 60, 60), **options)
     fork = get_context("fork").Process(target=roughvol.press, args=(noise(0, 60, 60),), kwargs=options)
-    fork.start()
-    fork.join(20)
-    fork.kill()
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(workers._one_at_a_time.acquire).result()  # as a thread that presses at the fork
+        fork.start()
+        fork.join(20)
+        fork.kill()
+        pool.submit(workers._one_at_a_time.release).result()
     assert fork.exitcode == 0
 
 
