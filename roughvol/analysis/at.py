@@ -202,15 +202,17 @@ def state_at(run: Run, group: Dataset, level: Level) -> State:
     searched = every if level.leg is None else [level.leg]
     reach: list[float] = []
     closed: State | None = None
+    before = False
     for leg in searched:
         label = level.label if len(legs) == 1 or level.leg is not None else f"{level.label}, leg {leg}"
         state = _on_leg(run, group, replace(level, leg=None), leg, label, reach)
         if state is not None and state.reached:
+            if before:
+                later = f"allowed: a step there, or its leg, as '{level.label}, leg {leg}'"
+                raise DatasetError(f"{run.name}: {level.label} lies before the first step of leg 1; {later}")
             return state
         closed = closed or state
-        if leg == 1 and leg != searched[-1] and _is_before(level, reach):
-            later = f"allowed: a step there, or a later leg, as '{level.label}, leg 2'"
-            raise DatasetError(f"{run.name}: {level.label} lies before the first step of leg 1; {later}")
+        before = before or (leg == 1 and _is_before(level, reach))
     if closed is not None:
         return closed
     reach = reach or group["step"].values.astype(float).tolist()

@@ -15,7 +15,7 @@ import numpy as np
 from xarray import DataArray, Dataset
 
 from roughvol.errors import DatasetError, StudyError
-from roughvol.observables.variables import MEAN_ENDS, OF_YIELD, STATES, VARIABLES
+from roughvol.observables.variables import MEAN_ENDS, OF_YIELD, QUANTITIES, STATES, VARIABLES
 from roughvol.store import dataset
 from roughvol.study import AXES, Axis, Study, Variant, loads
 
@@ -62,8 +62,8 @@ def recorded(results: Dataset) -> list[str]:
 
 def coordinates_of_user(results: Dataset) -> list[str]:
     """Return the coordinates of a dataset that a user made of its numbers, as by ds.set_coords."""
-    own = (*results.xindexes, *dataset.COORDS)
-    return [str(name) for name, values in results.coords.items() if values.dims and name not in own]
+    rows = {name: QUANTITIES.get(name) for name in map(str, results.coords) if name not in (*SURFACES, *dataset.COORDS)}
+    return [name for name, row in rows.items() if row is not None and row.dims != name]  # labels of the user stay
 
 
 def widened(results: Dataset) -> Dataset:

@@ -144,6 +144,14 @@ def test_a_number_that_became_a_coordinate_changes_no_answer(swept: Dataset, nam
         xr.testing.assert_identical(found.reset_coords(name), question(swept))
 
 
+def test_a_single_number_as_a_coordinate_has_its_row_and_labels_of_a_user_stay(swept: Dataset) -> None:
+    one = swept.isel(D=0, m=0, seed=0)
+    assert roughvol.show(one.set_coords("Sq"), "last").rows == roughvol.show(one, "last").rows
+    labelled = swept.assign_coords(batch=("seed", [f"batch {seed}" for seed in swept.seed.values]))
+    found = labelled.roughvol.at("last")
+    assert found.batch.equals(labelled.batch.sel(seed=found.seed))
+
+
 def test_the_choice_of_a_recorded_state_changes_no_number() -> None:
     heights = np.random.Generator(np.random.PCG64(4)).normal(size=(12, 15))
     legs = [{"steps": 3, "to": {"contact_area": 0.4}}, {"steps": 2, "to": {"contact_area": 0.1}}]

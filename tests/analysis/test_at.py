@@ -98,6 +98,8 @@ def test_a_level_before_the_first_step_is_on_no_later_leg_unless_it_is_named(kin
     with pytest.raises(DatasetError, match=refusal):
         roughvol.show(ds, f"{kind}={value}")
     assert roughvol.show(ds, f"{kind}={value}, leg 2").rows
+    with pytest.raises(DatasetError, match=r"no state at pressure=0.001: its steps have pressure p\* = 0.01 to 1"):
+        roughvol.show(ds, "pressure=0.001")
 
 
 @pytest.mark.parametrize(
