@@ -243,7 +243,7 @@ def test_lakes_joined_by_narrow_straits_keep_their_flow(narrow):
 def test_a_narrow_strait_of_a_cell_carries_the_flow_of_one_junction():
     gap = np.ones((12, 12))
     gap[5], gap[5, 4] = 0.0, 1e-4
-    assert cell_conduction(gap, 0) * gap.mean() ** 3 == pytest.approx(2e-12 / 2.0, rel=1e-6)
+    assert cell_conduction(gap, 0) * gap.mean() ** 3 == pytest.approx(2e-12 / 2.0, rel=1e-6, abs=0.0)
 
 
 test_refused = refusals(
