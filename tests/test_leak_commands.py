@@ -177,6 +177,8 @@ def test_the_leak_of_a_gas_has_the_factors_of_the_liquid() -> None:
     assert card.plain()["beside"][0]["x_interval"] == [low, high]
     (row,) = (row for row in card_page.numbers_of(card.pages) if row[5:7] == (gas.words, "x"))
     assert row[7:10] == (leak, low, high)
+    fact = dict(card_text.load_facts(found))[f"L{gas.words[1:]}"]
+    assert fact.startswith("x {} ({} to {}), ".format(*map(card_text.short, (leak, low, high))))
     value, *ends = (rounded(end, low, high) for end in (leak, low, high))
     words = f"{value} sccm of the gas, between {' and '.join(ends)}; of a liquid T* V*³ = "
     assert card_text.answer(found, way).startswith(words)

@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -359,6 +360,12 @@ def test_a_card_has_the_leak_of_a_gas_through_its_seal(tmp_path: Path) -> None:
     assert re.search(
         rf": {of_seal.gas_leak:.3g} mbar l/s; its interval has the factors of the liquid", throughput
     )  # one map, no sheets
+    known = replace(of_seal, interval=(0.5 * of_seal.leak, 4.0 * of_seal.leak))
+    low, high = known.plain()["gas_leak_interval"]
+    assert_allclose((low, high), (0.5 * of_seal.gas_leak, 4.0 * of_seal.gas_leak))
+    assert "mbar l/s of the gas, between" in card_text.seal(replace(known, unit=""))
+    *_, row = card_page._leaks(replace(card, seal=known).plain())
+    assert row[:5] == ("seal, gas", None, of_seal.gas_leak, low, high)
 
 
 @pytest.mark.parametrize(
