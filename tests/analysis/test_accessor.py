@@ -232,6 +232,7 @@ def test_what_is_derived_twice_stays_under_fluid_pressure() -> None:
             "has seed = 7, which its study does not name",
         ),
         (lambda ds: xr.concat([ds, ds], "seed"), "has seed = 0 twice"),
+        (lambda ds: xr.concat([ds, ds], "m"), r"has m = \d+ twice"),
         (lambda ds: xr.concat([ds, ds], pd.Index(["a", "b"], name="run")), "has a dimension run, which its study"),
     ],
 )
