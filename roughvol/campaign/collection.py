@@ -103,8 +103,8 @@ def combined(found: Finished, cases: Mapping[str, Case], study: Study) -> Datase
     named = results.get("region_waves")
     waves = [] if named is None else named.mean({*named.dims} - {"axis"}).values.tolist()  # of cases that have them
     doubts = interpretation.sentences(study, results["Sq"].values.ravel(), results["L"].item(), case.length_unit, waves)
-    doubts = [*dict.fromkeys(note for one in every for note in one.notes), *doubts]
-    return results.assign_attrs(warnings="\n".join(validity.sentences(findings, doubts)))
+    notes = [note for one in every for note in one.notes]
+    return results.assign_attrs(warnings="\n".join(validity.sentences(findings, [*notes, *doubts])))
 
 
 def _joined(found: Finished, cases: Mapping[str, Case], study: Study) -> Dataset:

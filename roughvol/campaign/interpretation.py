@@ -98,8 +98,7 @@ def default_sides(study: Study) -> str:
 
 def notes(cases: Sequence[Case], surface: Surface) -> tuple[str, ...]:
     """Return the doubts of cases, and of heights of the first case that are absurd for its length."""
-    doubts = dict.fromkeys(note for case in cases for note in case.notes)
-    return (*doubts, *measured.notes(surface, cases[0].length_unit))
+    return (*(note for case in cases for note in case.notes), *measured.notes(surface, cases[0].length_unit))
 
 
 def doubts(study: Study, surface: Surface | None = None) -> list[str]:
