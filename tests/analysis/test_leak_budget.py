@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -141,6 +142,42 @@ def test_the_grid_of_a_median_is_that_of_its_surfaces_together(runs: CardRuns) -
     part = part_of(card_of([runs], "s", "").ways[1], "grid")
     assert 1.0 < part.factor <= np.median(fine * change) / np.median(fine) * (1 + 1e-9)
     assert 1.0 < part.smaller <= np.median(fine) / np.median(fine / change) * (1 + 1e-9)
+
+
+class _Fixed:
+    """A surface with a leak, and with leaks of a joint whose loads are all larger or smaller."""
+
+    def __init__(self, leak: float, ends: tuple[float, float] = (math.nan, math.nan)) -> None:
+        self._leak, self._ends = leak, ends
+
+    def leak(self, axis: str) -> float:
+        return self._leak
+
+    def leak_if(self, axis: str, log: float) -> float:
+        return self._ends[int(log > 0.0)]
+
+    def unit(self) -> str:
+        return ""
+
+
+@pytest.mark.parametrize(
+    ("ends", "leaks", "factor"),
+    [
+        ((0.01, 100.0), (0.9, 0.45), 4.0),  # (1/2)^2 from four times the spacing to twice; from twice it is 0.9^2
+        ((0.01, 100.0), (0.5, 0.45), 4.0),
+        ((0.5, 2.0), (0.9, 0.45), 2.0),  # the loads alone
+        ((0.01, 100.0), (0.9, 0.0), 100.0),  # closed there: no change bounds the leak
+        ((0.01, 100.0), (0.9,), 0.9**-2),
+        ((math.nan, math.nan), (0.9, 0.0), 0.9**-2),  # as under fluid pressure: the change is all that is known
+    ],
+)
+def test_the_larger_change_from_a_coarser_grid_bounds_the_leak(
+    ends: tuple[float, float], leaks: Sequence[float], factor: float
+) -> None:
+    coarser: Any = [("a coarser grid", [_Fixed(leak)]) for leak in leaks]
+    fine: Any = [_Fixed(1.0, ends)]
+    part = grid.grid_part(fine, coarser, [Finer(0.1, 0.1)], "x")
+    assert_allclose((part.factor, part.smaller), factor, rtol=1e-12)
 
 
 def test_the_window_is_the_interval_of_the_median_over_surfaces(runs: CardRuns) -> None:
