@@ -101,10 +101,11 @@ class Multigrid:
 
         The coarsest level is solved. Each finer level starts from the pressures of its aggregates, and has one cycle
         (full multigrid: Briggs, Henson & McCormick, A Multigrid Tutorial, SIAM 2000, chapter 3). Of all pressures that
-        are equal in each aggregate, those of a solved level have the least dissipation. The grid has sweeps alone.
+        are equal in each aggregate, those of a solved level have the least dissipation. An inflow is stretched as the
+        conductances of aggregates are, so that pressures keep their size. The grid has sweeps alone.
         """
         number = self._number.ravel()
-        coarse = self._nested(_gathered(number, inflow.ravel(), self._size(0)), 0)
+        coarse = self._nested(_gathered(number, STRETCHED * inflow.ravel(), self._size(0)), 0)
         pressure = _spread(number, coarse).reshape(inflow.shape)
         for _ in range(SWEEPS):
             pressure = _swept(*self._grid, inflow, pressure, np.empty(inflow.shape))
@@ -115,7 +116,7 @@ class Multigrid:
         if depth == len(self._levels):
             return self._visit(inflow, depth)
         level = self._levels[depth]
-        coarse = self._nested(_gathered(level.number, inflow, self._size(depth + 1)), depth + 1)
+        coarse = self._nested(_gathered(level.number, STRETCHED * inflow, self._size(depth + 1)), depth + 1)
         pressure = _spread(level.number, coarse)
         return pressure + self._visit(_left(level, inflow, pressure), depth)
 
@@ -204,15 +205,24 @@ def _sweep(south: Field, east: Field, own: Field) -> Single:
     return sweep
 
 
+@compiled
 def _gathered(number: NDArray[Any], inflow: Array, size: int) -> Array:
-    """Add up an inflow by aggregates, times `STRETCHED` as their conductances: pressures then keep their size."""
-    conducts = number >= 0
-    return np.asarray(np.bincount(number[conducts], STRETCHED * inflow[conducts], size), dtype=np.float64)
+    """Add up an inflow by aggregates."""
+    gathered = np.zeros(size)
+    for k in range(number.size):
+        if number[k] >= 0:
+            gathered[number[k]] += inflow[k]
+    return gathered
 
 
+@compiled
 def _spread(number: NDArray[Any], coarse: Array) -> Array:
     """Return the pressures of aggregates on their elements or nodes."""
-    return np.where(number >= 0, coarse[number], 0.0)
+    spread = np.zeros(number.size)
+    for k in range(number.size):
+        if number[k] >= 0:
+            spread[k] = coarse[number[k]]
+    return spread
 
 
 @compiled
