@@ -39,6 +39,11 @@ def test_names_of_dimensions_say_which_axis_is_x(tmp_path, dims, turned):
     along = {dim: (dim, np.arange(n), {"axis": axis}) for dim, n, axis in (("p", 5, "Y"), ("q", 6, "X"))}
     xr.Dataset({"z": (("p", "q"), HEIGHTS.T)}, coords=along).to_netcdf(tmp_path / "attribute.nc")
     same(tmp_path / "attribute.nc", HEIGHTS)
+    xr.Dataset({"z": (("time", "p", "q"), HEIGHTS.T[None])}, coords=along | {"time": [0.0]}).to_netcdf(
+        tmp_path / "t.nc"
+    )
+    same(tmp_path / "t.nc", HEIGHTS)
+    same(tmp_path / "t.nc", HEIGHTS, variable="z")
 
 
 @pytest.mark.parametrize("kind", ["NETCDF3_CLASSIC", "NETCDF4"])

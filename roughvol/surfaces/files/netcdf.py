@@ -1,8 +1,9 @@
 """Height maps in netCDF: names of dimensions give the axes, coordinates give size and unit.
 
 Conventions: dimensions (y, x) are transposed, so that the first axis is x. Without such names the order of the file
-stays. Both axes ascend with the index if they have coordinates. Heights are positive up: those of a variable with the
-attribute ``positive = "down"``, as depths, are turned over.
+stays. Dimensions of length 1 before them, as of one time, are left out. Both axes ascend with the index if they have
+coordinates. Heights are positive up: those of a variable with the attribute ``positive = "down"``, as depths, are
+turned over.
 
 The reader of SurfaceTopography takes classic netCDF with a variable ``heights`` alone. It ignores the order of the
 dimensions, and the attribute ``units``.
@@ -42,9 +43,9 @@ def opened(request: Request) -> HeightMap:
     if not _holds_numbers(field):
         raise SurfaceError(f"{name} holds text, or values of a type of its own, not numbers")
     down = _is_down(field, name)
-    shape = map_shape(field.shape)
-    turned = [_axis(stored, dim) for dim in field.dimensions] in ([1, 0], [1, None], [None, 0])
-    dims, nodes = (field.dimensions[::-1], (shape[1], shape[0])) if turned else (field.dimensions, shape)
+    shape, of_map = map_shape(_shape(field)), field.dimensions[-2:]
+    turned = [_axis(stored, dim) for dim in of_map] in ([1, 0], [1, None], [None, 0])
+    dims, nodes = (of_map[::-1], (shape[1], shape[0])) if turned else (of_map, shape)
     x, y = (None if ignored else _coordinate(stored, dim) for dim in dims)
     masked = name == "heights" and "mask" in stored.variables and stored["mask"].shape == shape
     sides, lateral, source, counted = None, None, "", False
@@ -58,7 +59,7 @@ def opened(request: Request) -> HeightMap:
     labelled = turned or any(axis and axis.falls for axis in (x, y)) or masked or sides is not None
 
     def heights() -> NDArray[Any]:
-        values = np.ma.asarray(field[...])
+        values = np.ma.asarray(field[...]).reshape(shape)
         mask = np.ma.getmaskarray(values)
         if masked:  # as SurfaceTopography writes it
             mask = mask | (np.ma.filled(stored["mask"][...], 1) != 0)
@@ -95,9 +96,15 @@ def _is_down(variable: Any, name: str) -> bool:
 
 def _field(stored: Any, variable: str | None) -> str:
     """Return the name of the variable of heights; ``heights`` may have a ``mask`` beside it."""
-    shapes = {name: array.shape for name, array in stored.variables.items()}
+    shapes = {name: _shape(array) for name, array in stored.variables.items()}
     fields = {name for name, shape in shapes.items() if len(shape) == 2}
     return "heights" if variable is None and fields == {"heights", "mask"} else array_name(variable, shapes)
+
+
+def _shape(variable: Any) -> tuple[int, ...]:
+    """Return the shape of a variable without the dimensions of length 1 before a map, as of one time."""
+    shape: tuple[int, ...] = variable.shape
+    return shape[-2:] if set(shape[:-2]) == {1} else shape
 
 
 def _axis(stored: Any, dim: str) -> int | None:
