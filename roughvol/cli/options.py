@@ -113,7 +113,9 @@ def _one_form(context: click.Context, _: click.Parameter, given: bool) -> bool:
 
 
 CSV = click.option("--csv", "as_csv", is_flag=True, callback=_one_form, help="Comma-separated values.")
-JSON = click.option("--json", "as_json", is_flag=True, callback=_one_form, help="JSON with the units.")
+JSON = click.option(
+    "--json", "as_json", is_flag=True, callback=_one_form, help="JSON, with units where numbers have them."
+)
 
 
 def at(*, several: bool, default: str | None = None) -> Callable[[Decorated], Decorated]:
