@@ -6,13 +6,14 @@ import time
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
-from roughvol.campaign import workers
+from roughvol.campaign import path, workers
 from roughvol.campaign.case_surface import kernel_on, surface_of
 from roughvol.contact.halfspace import LEAST_PERIOD
 from roughvol.errors import ContactError, DatasetError, Problem, StudyError, SurfaceError
 from roughvol.observables import regions
 from roughvol.observables.own import register
 from roughvol.study import Case, MadeSurface, Study
+from roughvol.study.plain_data import key_text
 from roughvol.study.sections.seal import check_alike
 from roughvol.surfaces.surface import Surface, intervals
 
@@ -58,9 +59,10 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
             surface = None if here else _read_apart(study, files)
             surface = surface or surface_of(case)
             _check_shape(case)
+            _check_depth(case, surface)
             for other in others:
                 if here:
-                    surface_of(other)
+                    _check_depth(other, surface_of(other))
                 _check_shape(other)
             if study.seal is not None:
                 check_alike([[intervals(nodes, one.periodic) for nodes in one.shape] for one in (case, *others)])
@@ -75,6 +77,16 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
         with study.placing():
             raise StudyError([Problem(str(error), key)]) from error
     return surface
+
+
+def _check_depth(case: Case, surface: Surface) -> None:
+    """Refuse a sweep of a height file beyond full contact."""
+    swept = path.starred(case, surface).sweep
+    for (place, _), (_, level) in zip(case.sweep.states(), swept.states(), strict=True):
+        try:
+            path.level_on(level, surface, plastic=case.plastic)
+        except ContactError as error:
+            raise StudyError([Problem(str(error), key_text(place))]) from error
 
 
 def _check_shape(case: Case) -> None:

@@ -115,7 +115,7 @@ class Path:
     def _reaching(self, target: Level, so_far: Reduction) -> float:
         """Return Δ/σ at a state on the way from the last one."""
         case, surface, states = self._case, self._surface, so_far.states
-        target = _level(target, surface, plastic=case.plastic, first=not states)
+        target = level_on(target, surface, plastic=case.plastic, first=not states)
         if not states and not case.plastic:
             return self.first(target)
         if not (searched(target, surface) or target.kind.startswith("percolation")):
@@ -183,7 +183,7 @@ def _check_leak(target: Level, goal: Target, trials: Trials) -> None:
 
 def last_indentation(case: Case, surface: Surface, half_space: Compliance) -> float:
     """Return Δ/σ at the end of the first leg: on a plane, at a value given, or where the search for one ends."""
-    return Path(case, surface, half_space).first(_level(case.sweep.legs[0].target, surface, first=True))
+    return Path(case, surface, half_space).first(level_on(case.sweep.legs[0].target, surface, first=True))
 
 
 def _even(leg: Sweep, low: float, high: float, number: int) -> list[float]:
@@ -203,7 +203,7 @@ def _even(leg: Sweep, low: float, high: float, number: int) -> list[float]:
     return list((low * (high / low) ** places).tolist())
 
 
-def _level(target: Level, surface: Surface, *, plastic: bool = False, first: bool = False) -> Level:
+def level_on(target: Level, surface: Surface, *, plastic: bool = False, first: bool = False) -> Level:
     """Return the level of a target on an endless surface, where no plane can pass the mean one unless it yields.
 
     Of the ``first`` state, a plane before first touch is refused on any surface.

@@ -81,6 +81,7 @@ def test_a_changed_value_is_placed_at_the_argument_in_python_and_at_the_option_o
     [
         ("material.thickness", "1 um", "the layer has a thickness of"),
         ("surface.low_pass", "1 um", r".*z\.npy: low_pass is 1 in the unit of L; allowed: 133\.333 "),
+        ("sweep.to.indentation", "50", "a sweep to indentation=50 would end at .*, full contact"),
         ("surface.outliers", "{sigma: 3}", r".*z\.npy: outliers: "),
     ],
 )
