@@ -118,3 +118,9 @@ def test_scaled_integers_are_unpacked_and_their_mask_is_kept(tmp_path):
     same(tmp_path / "z.nc", expected, holes=True)
     netcdf(tmp_path / "z.nc", z=np.ma.masked_array(np.arange(30).reshape(6, 5), HOLES))
     same(tmp_path / "z.nc", 2.0 * (expected - 10.0), holes=True)
+
+
+def test_a_mask_of_one_time_beside_heights_is_kept(tmp_path):
+    both = {"heights": HEIGHTS[None], "mask": HOLES[None].astype("i1")}
+    xr.Dataset({name: (("time", "x", "y"), values) for name, values in both.items()}).to_netcdf(tmp_path / "t.nc")
+    same(tmp_path / "t.nc", np.where(HOLES, np.nan, HEIGHTS), holes=True)

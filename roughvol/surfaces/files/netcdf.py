@@ -47,7 +47,7 @@ def opened(request: Request) -> HeightMap:
     turned = [_axis(stored, dim) for dim in of_map] in ([1, 0], [1, None], [None, 0])
     dims, nodes = (of_map[::-1], (shape[1], shape[0])) if turned else (of_map, shape)
     x, y = (None if ignored else _coordinate(stored, dim) for dim in dims)
-    masked = name == "heights" and "mask" in stored.variables and stored["mask"].shape == shape
+    masked = name == "heights" and "mask" in stored.variables and _shape(stored["mask"]) == shape
     sides, lateral, source, counted = None, None, "", False
     if x and y:
         if x.unit != y.unit:
@@ -62,7 +62,7 @@ def opened(request: Request) -> HeightMap:
         values = np.ma.asarray(field[...]).reshape(shape)
         mask = np.ma.getmaskarray(values)
         if masked:  # as SurfaceTopography writes it
-            mask = mask | (np.ma.filled(stored["mask"][...], 1) != 0)
+            mask = mask | (np.ma.filled(stored["mask"][...], 1).reshape(shape) != 0)
         filled = np.where(mask, np.nan, values.data) if mask.any() else np.asarray(values.data)
         return (-1.0 if down else 1.0) * (filled.T if turned else filled)[flips]
 
