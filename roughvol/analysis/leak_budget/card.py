@@ -144,7 +144,8 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
         gas = fine[0].table[name].attrs.get("gas", "the gas")
         throughput = f"{number(gas_leak, 3)} {gas_unit}{', the median of as many sheets' * (len(fine) > 1)}"
         if math.isfinite(gas_leak):
-            words += (f"leak of {gas}: {throughput}; its interval has the factors of the liquid",)
+            of_liquid = "; its interval has the factors of the liquid" * math.isfinite(leak.high)
+            words += (f"leak of {gas}: {throughput}{of_liquid}",)
     if leak.value == 0.0 and not doubt:  # at most the leak of patches that close later
         most = patch.conductances(np.array([[way.at_most for way in ways]]), in_units=units)[0, 0] * patch.squares
         leak, parts = seal.Estimate(0.0, 0.0 if math.isfinite(most) else math.nan, most), flow.parts
