@@ -18,6 +18,7 @@ from roughvol.study.sections.seal import check_alike
 from roughvol.surfaces.surface import Surface, intervals
 
 READ_HERE = (".npy", ".npz", ".txt", ".csv", ".xyz", ".asc")  # their readers do not crash
+DEPTHS = ("indentation", "separation")  # states that may lie beyond full contact
 READ_SECONDS, READ_RATE = 60.0, 1e6  # time allowed to read a file: seconds, and bytes per further second
 
 
@@ -50,6 +51,8 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
         with study.placing():
             for case in {(case.shape, case.kernel): case for case in study.cases()}.values():
                 _check_shape(case)
+                if case.sides != "free" and any(level.kind in DEPTHS for _, level in case.sweep.states()):
+                    _check_depth(case, surface_of(case))
         return None
     files = [Path(body.file) for one in given.each for body in one.bodies]
     here = all(file in made or file.suffix.lower() in READ_HERE for file in files)
@@ -80,7 +83,7 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
 
 
 def _check_depth(case: Case, surface: Surface) -> None:
-    """Refuse a sweep of a height file beyond full contact."""
+    """Refuse a sweep beyond full contact."""
     swept = path.starred(case, surface).sweep
     for (place, _), (_, level) in zip(case.sweep.states(), swept.states(), strict=True):
         try:

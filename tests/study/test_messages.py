@@ -97,3 +97,11 @@ def test_a_changed_value_that_does_not_fit_the_surface_is_placed_at_the_change(
     study = loads(text, file=tmp_path / "study.yaml", changes=[f"{key}={value}"])
     with pytest.raises(StudyError, match=rf"^changes: {key}: {said}"):
         check_surfaces(study)
+
+
+def test_a_sweep_of_generated_surfaces_beyond_full_contact_is_refused_at_its_step() -> None:
+    text = "surface: {D: 2.3, m: 4, sides: mirrored}\nsweep: {indentations: [1, 50]}"
+    with pytest.raises(
+        StudyError, match=r":2: sweep\.indentations\[1\]: a sweep to indentation=50 would end at .*, full contact"
+    ):
+        check_surfaces(loads(text, file="study.yaml"))
