@@ -31,7 +31,7 @@ record:
 
 
 @pytest.fixture(scope="module")
-def units() -> pint.UnitRegistry[float]:
+def units() -> "pint.UnitRegistry[float]":
     registry: pint.UnitRegistry[float] = pint.UnitRegistry()
     registry.define("hair = 80 um")
     registry.define("push = 3 bar")
@@ -44,7 +44,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     return roughvol.run(loads(STUDY), jobs=1, out=tmp_path_factory.mktemp("units") / "run")
 
 
-def test_the_unit_of_every_row_of_the_table_is_one_of_pint(units: pint.UnitRegistry[float]) -> None:
+def test_the_unit_of_every_row_of_the_table_is_one_of_pint(units: "pint.UnitRegistry[float]") -> None:
     for name, row in VARIABLES.items():
         text = row.units
         for kind, unit in OF_A_STUDY.items():
@@ -53,7 +53,7 @@ def test_the_unit_of_every_row_of_the_table_is_one_of_pint(units: pint.UnitRegis
 
 
 def test_every_variable_is_a_quantity_with_the_values_that_are_stored(
-    run: xr.Dataset, units: pint.UnitRegistry[float]
+    run: xr.Dataset, units: "pint.UnitRegistry[float]"
 ) -> None:
     ds = run.roughvol.derived()
     for name, variable in ds.variables.items():
@@ -68,7 +68,7 @@ def test_every_variable_is_a_quantity_with_the_values_that_are_stored(
 
 
 def test_a_throughput_is_at_the_temperature_of_the_gas_and_a_standard_volume_at_0_degrees(
-    run: xr.Dataset, units: pint.UnitRegistry[float]
+    run: xr.Dataset, units: "pint.UnitRegistry[float]"
 ) -> None:
     in_sccm = run["gas_leak_rate"].values
     at_0 = in_sccm * 101325e-6 / 60.0  # Pa m^3/s of a standard cm^3 per minute

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 LEAST, MOST = 1.0, 40.0  # inches of a figure
 BEYOND = 0.05  # inches by which letters may reach over the edge of a figure of a given size
 ROUNDING = 1e-12  # of the largest number of an axis: smaller ones are 0 but for rounding
-INCH = {"mm": 1 / 25.4, "cm": 1 / 2.54, "in": 1.0, "": 1.0}
+INCH = {"mm": 25.4, "cm": 2.54, "in": 1.0, "": 1.0}
 PAPER = re.compile(r"fig\d\d[ab]?")  # names of the figures of the paper
 
 
@@ -133,7 +133,7 @@ def _inches(size: str | None) -> tuple[float, float] | None:
     if size is None:
         return None
     match = re.fullmatch(r"(\d+\.?\d*)\s*x\s*(\d+\.?\d*)\s*(mm|cm|in|)", size.strip())
-    width, height = (float(match[k]) * INCH[match[3]] for k in (1, 2)) if match else (0.0, 0.0)
+    width, height = (float(match[k]) / INCH[match[3]] for k in (1, 2)) if match else (0.0, 0.0)
     if not (LEAST <= width <= MOST and LEAST <= height <= MOST):
         message = f"--size is {size!r}; allowed: WxH with a unit mm, cm or in (default), {LEAST} to {MOST} in"
         raise DatasetError(f"{message}, as 120x80mm")

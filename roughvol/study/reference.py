@@ -42,8 +42,8 @@ def _keys(schema: Any, models: Any, path: str, form: str) -> Iterator[Key]:
         default = None if name in required else _default(value.get("default"))
         yield Key(here, _values(value, models), default, value.get("description", ""), form)
         found = list(_models(value, models))
-        for title, model in found:
-            words = str(model.get("description", title)).partition("\n")[0].rstrip(".")  # pydantic 2.7 may have none
+        for _, model in found:
+            words = model["description"].partition("\n")[0].rstrip(".")
             yield from _keys(model, models, here, words if len(found) > 1 else "")
 
 
@@ -61,7 +61,7 @@ def _parts(schema: Any, models: Any) -> list[Any]:
     """Return the schema that another one refers to, or the schemas of which a value fits one."""
     if "$ref" in schema:
         return [models[schema["$ref"].rpartition("/")[2]]]
-    return [*schema.get("anyOf", ()), *schema.get("oneOf", ()), *schema.get("allOf", ())]  # pydantic 2.7 has the last
+    return [*schema.get("anyOf", ()), *schema.get("oneOf", ())]
 
 
 def _values(schema: Any, models: Any) -> str:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 import xarray as xr
 from xarray import Dataset
@@ -233,7 +232,10 @@ def test_what_is_derived_twice_stays_under_fluid_pressure() -> None:
         ),
         (lambda ds: xr.concat([ds, ds], "seed"), "has seed = 0 twice"),
         (lambda ds: xr.concat([ds, ds], "m"), r"has m = \d+ twice"),
-        (lambda ds: xr.concat([ds, ds], pd.Index(["a", "b"], name="run")), "has a dimension run, which its study"),
+        (
+            lambda ds: xr.concat([ds, ds], xr.DataArray(["a", "b"], dims="run", name="run")),
+            "has a dimension run, which its study",
+        ),
     ],
 )
 def test_a_choice_without_what_a_question_needs_is_refused(
