@@ -171,7 +171,8 @@ class Study(StudyFile):
     def _check_without_unit(self, scan: HeightFile) -> None:
         """Refuse what needs the unit of length, which neither the study nor its files give."""
         study = self.model_copy(update={"surface": scan.unitless()})
-        if problems := [Problem(text, key_text(path)) for rule in RULES for path, text in rule.problems(study)]:
+        none = f"; {Path(scan.file).name} has no unit of length, surface.unit gives it"
+        if problems := [Problem(text + none, key_text(path)) for rule in RULES for path, text in rule.problems(study)]:
             raise StudyError(problems)
 
     def kernel(self, unit: str | None = None) -> NamedKernel:

@@ -163,8 +163,10 @@ def test_units_and_Sq_make_no_case_anew(tmp_path: Path) -> None:
 
 
 def test_lengths_of_a_file_that_tells_no_unit_cannot_be_given_one(tmp_path: Path) -> None:
-    np.save(tmp_path / "z.npy", np.random.default_rng(0).random((5, 5)))
-    text = "surface: {file: z.npy, L: 4}\nrecord: {dimensional: {mean_gap: um}}"
-    with pytest.raises(StudyError, match=r"dimensional\.mean_gap: needs the unit of length"):
-        execution.run(loads(text, tmp_path / "s.yaml"), out=tmp_path / "run", jobs=1)
+    np.save(tmp_path / "z.npy", heights := np.random.default_rng(0).random((5, 5)))
+    np.savetxt(tmp_path / "z.txt", heights)
+    for name, named in (("z.npy", "$"), ("z.txt", r"; z\.txt has no unit of length, surface\.unit gives it$")):
+        text = f"surface: {{file: {name}, L: 4}}\nrecord: {{dimensional: {{mean_gap: um}}}}"
+        with pytest.raises(StudyError, match=rf"dimensional\.mean_gap: needs the unit of length, .* um}}{named}"):
+            execution.run(loads(text, tmp_path / "s.yaml"), out=tmp_path / "run", jobs=1)
     assert not (tmp_path / "run").exists()
