@@ -384,10 +384,10 @@ def known_of(leaks: Array) -> Array:
     return leaks[whole & (finite.any(axis=1) == whole).all()]
 
 
-def window_of(found: Estimate, samples: str) -> Part:
-    """Return the part of the error that averages out; not known where a patch is closed or no patch representative."""
-    words = f"95 % of the sheets, and of the mean of {samples}, of logarithms by t"
-    if not found.low > 0.0:
+def window_of(found: Estimate, samples: str, doubt: str = "") -> Part:
+    """Return the part of the error that averages out; not known where a patch is closed, or with a doubt."""
+    words = doubt or f"95 % of the sheets, and of the mean of {samples}, of logarithms by t"
+    if doubt or not found.low > 0.0:
         return Part("window", math.nan, words)
     return Part("window", found.high / found.value, words, found.value / found.low)
 
@@ -419,17 +419,14 @@ def leak_of(
             f"the map repeated, {n} × {m} times; its interval is that of its quadrants",
             f"waves longer than a quadrant of the map are missing: {number(max(patch.sides) / 2)} {patch.unit or ''}",
         ]
-    if doubt:
-        words.append(doubt)
-        found = Estimate(found.value, math.nan, math.nan)
     if closed := int((maps[:, :1] == 0.0).sum()):
         words.append(f"{closed} of {len(maps)} patches are closed along the flow")
         if found.value > 0.0 and not shared:
             words.append("the median patch is closed: the errors that all patches share are not known")
     smaller, larger = together(shared)
     samples = f"{len(maps)} surfaces" if quadrants is None else "4 quadrants"
-    parts = (*shared, window_of(found, samples))
-    found = found if doubt else found.with_factor(larger, smaller)
+    parts = (*shared, window_of(found, samples, doubt))
+    found = found.with_factor(math.nan if doubt else larger, smaller)
     return found.times(patch.squares), parts, tuple(words)
 
 

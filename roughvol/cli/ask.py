@@ -118,7 +118,10 @@ def _of_budget(answer: Answer) -> str:
     parts = sorted(read_off.parts_of(answer), key=lambda part: -part.factor if part.known else -math.inf)
     factors = ", ".join(f"{part.name} {f'× {number(part.factor, 3)}' if part.known else 'unknown'}" for part in parts)
     of = "closing load" if answer.nominal.closing else "leak"
-    return f"errors of the {of}: {factors}; {NARROWS[parts[0].name]}" if parts else f"errors of the {of}: unknown"
+    if not parts:
+        return f"errors of the {of}: unknown"
+    why = [part.words for part in parts if not part.known] or [NARROWS[parts[0].name]]
+    return f"errors of the {of}: {factors}; {'; '.join(why)}"
 
 
 def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
@@ -146,6 +149,8 @@ def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
     if not answer.found:
         return f"no {unknown} within the stored loads, up to {first}{of}"
     closes = ", where the last way closes" if answer.nominal.closing else ""
+    if closes and answer.budget is None and answer.nominal.low < answer.steps[0]:
+        steps = ""  # a seal closes between the steps of several patches
     if closes and not closed and answer.budget is None:
         # the patches of a seal are between two of their steps, so the interval may begin before the step of the seal
         begins = math.isclose(answer.nominal.low, answer.steps[0], rel_tol=1e-6)

@@ -227,7 +227,7 @@ def test_check_run_and_card_say_that_patches_are_uneven_and_a_region_that_is_eve
     even = text.replace("record:", "record:\n  region: {y: [0.33, 0.67]}")
     (card,) = roughvol.card(loads(text), "pressure=0.02 MPa", jobs=1).cards.values()
     assert card.seal is not None
-    assert "times as many waves along y as along x" in " ".join(card.seal.words)
+    assert "times as many waves along y as along x" in card.seal.parts[-1].words
     for is_even, study in enumerate((loads(text), loads(even))):
         for told in (doubts(study), [roughvol.run(study, jobs=1).attrs["warnings"]]):
             assert any("times as many waves" in line for line in told) != is_even
@@ -453,13 +453,19 @@ def test_a_seal_whose_median_patch_is_closed_says_that_its_errors_are_not_known(
     )
 
 
-def test_one_map_without_a_roll_off_has_a_leak_and_no_interval(tmp_path: Path) -> None:
+def test_one_map_without_a_roll_off_has_a_leak_and_no_interval(here: Path) -> None:
     text = re.sub("surface: .*", "surface: {D: 2.2, m: 4, L: 0.5 mm, Sq: 0.5 um, seeds: 1}", TEXT)
-    _, of_seal = _card(text, "pressure=0.01 MPa", tmp_path)
+    _, of_seal = _card(text, "pressure=0.01 MPa", here)
     assert of_seal.leak > 0.0
     assert of_seal.plain()["leak_interval"] is None
-    for words in ("no roll-off is found", "waves longer than a quadrant"):
-        assert any(words in line for line in of_seal.words)
+    assert any("waves longer than a quadrant" in line for line in of_seal.words)
+    for parts in (of_seal.parts, of_seal.closing_parts):
+        assert [part.words for part in parts if part.name == "window" and not part.known] == [seal.NO_ROLL_OFF]
+    ran("joint", text)
+    for wanted in (["--leak-rate", f"{of_seal.leak} mm^3/s"], ["--closed"]):
+        assert re.search(
+            f"errors of the .*window unknown.*; {seal.NO_ROLL_OFF}", said("ask", "joint", *wanted, "--budget")
+        )
 
 
 def test_a_seal_has_no_known_leak_beyond_a_sweep_that_ended_closed_along_one_axis(tmp_path: Path) -> None:
@@ -542,6 +548,8 @@ def test_read_offs_and_creep_are_those_of_the_seal(joint: Path) -> None:
     assert 0.5 * of_patch["x"].value < whole.value <= max(one.value for one in of_patch.values())
     (closed,) = roughvol.ask(ds).answers
     assert closed.low <= closed.value <= max(one.value for one in roughvol.ask(patch).answers)
+    assert closed.low < closed.steps[0]  # a seal closes between the steps of several patches
+    assert "known loads" not in said("ask", joint, "--closed")
     history, alone = (roughvol.creep(one, LAW, at="pressure=0.02 MPa", times="1 s, 1 min") for one in (ds, patch))
     assert list(history.leak) == ["x"]
     ratio = history.leak["x"].value / alone.leak["x"].value

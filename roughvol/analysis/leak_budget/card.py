@@ -179,11 +179,11 @@ def _closing_of_seal(
     if is_lifted(fine[0].table) or not (loads > 0.0).all():
         return seal.Estimate(math.nan, math.nan, math.nan), ()
     closing = seal.closing_of(loads, patch.patches, isotropic=turned)
-    parts = tuple(part for part in flow.closing.parts if part.name != "window" or not several)
+    parts = tuple(part for part in flow.closing.parts if part.name != "window" or not (several or doubt))
     smaller, larger = together(parts)
-    if several:
-        parts += (seal.window_of(closing, f"{len(fine)} surfaces"),)
-    else:
+    if several or doubt:
+        parts += (seal.window_of(closing, f"{len(fine)} surfaces", doubt),)
+    if not several:
         closing = seal.Estimate(*[closing.value] * 3)
     return closing.with_factor(math.nan if doubt else larger, smaller), parts
 
