@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from roughvol.errors import DatasetError, StudyError
 from roughvol.store import sample_plan
 from roughvol.store.run_folder import case_file, outdated, stored_ids, stored_study, strangers
-from roughvol.study import Case, HeightFile, Study, axes, loads
+from roughvol.study import Case, HeightFile, Record, Study, axes, loads
 from roughvol.study.axes import Label
 
 AXES = ("surface.D", "surface.H", "surface.m", "surface.n", "surface.seeds")
@@ -73,7 +74,9 @@ def differences(old: Study, new: Study) -> list[str]:
     gone = {name: [value for value in before[name] if value not in after[name]] for name in both}
     shared = all(len(values) < len(before[name]) for name, values in gone.items())
     lines = [f"{name}: no longer {', '.join(map(str, values))}" for name, values in gone.items() if values]
-    stored, asked = _answers(_with_files_of(old, new)), _answers([variant.study for variant in new.variants])
+    unitless = old.record.has_units != new.record.has_units
+    both_of = _with_files_of(old, new), [variant.study for variant in new.variants]
+    stored, asked = (_answers(combinations, unitless=unitless) for combinations in both_of)
     if stored == asked if not (old.axes or new.axes) else any(one in asked for one in stored):
         return [] if shared else lines
     lines += _changed(before, after, ("record", *AXES, *WORDS))
@@ -152,15 +155,17 @@ def _with_files_of(old: Study, new: Study) -> list[Study]:
     return found
 
 
-def _answers(combinations: Sequence[Study]) -> list[dict[str, Any]]:
+def _answers(combinations: Sequence[Study], *, unitless: bool) -> list[dict[str, Any]]:
     """Return the part of the key that all cases of a combination share, for each; nothing without height files.
 
-    What is recorded is no part of it: stored cases stay beside those with other records.
+    What is recorded is no part of it: stored cases stay beside those with other records. Recorded states with a unit
+    bring the modulus and Sq into the key; ``unitless`` leaves them out.
     """
     found = []
     try:
         for study in combinations:
-            key = json.loads(study.cases()[0].key_text)
+            case = study.cases()[0]
+            key = json.loads((replace(case, record=Record()) if unitless else case).key_text)
             key["surface"] = {name: value for name, value in key["surface"].items() if name not in ("D", "m", "seed")}
             del key["record"]
             found.append(key)

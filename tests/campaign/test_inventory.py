@@ -93,3 +93,13 @@ def test_a_changed_record_is_no_reason_to_refuse_a_folder() -> None:
     text = "surface: {D: 2.3, m: 3, seeds: 1}\n"
     old = loads(text + "sweep: {steps: 4}\nrecord: {volume_density: {}}\ncomment: four", "x.yaml")
     assert differences(old, loads(text + "sweep: {steps: 3}", "x.yaml")) == ["sweep.steps: 4 → 3"]
+
+
+def test_a_recorded_state_with_a_unit_is_no_reason_to_refuse_a_folder() -> None:
+    """The key of a case has the modulus and Sq with such a state, and else without."""
+    text = "surface: {D: 2.3, m: 3, L: 1 mm, Sq: 1 um, seeds: 1}\nmaterial: {E_star: 9 MPa}\nsweep: {steps: 4}\n"
+    old, new = loads(text), loads(f"{text}record: {{fields_at: {{pressure: [0.1 MPa]}}}}")
+    assert differences(old, new) == differences(new, old) == []
+    harder = loads(f"{text}record: {{fields_at: {{pressure: [0.1 MPa]}}}}".replace("9 MPa", "8 MPa"))
+    assert differences(new, harder) == ['material.E_star: "9 MPa" → "8 MPa"']
+    assert differences(new, loads(text.replace("steps: 4", "steps: 3"))) == ["sweep.steps: 4 → 3"]
