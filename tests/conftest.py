@@ -121,6 +121,16 @@ def few_samples() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module")
+def small_grids() -> Iterator[None]:
+    """Cards with coarser grids of 16 nodes a side, for all tests of a module."""
+    from roughvol.campaign import card
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(card, "FEWEST_NODES", 16)
+        yield
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _blank_figures() -> Iterator[None]:
     """Save blank figures of the same size: layout, text and fonts take most of the time of a figure."""

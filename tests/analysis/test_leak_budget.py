@@ -43,13 +43,7 @@ PATH = PATH.replace("seeds: 2, L: 200 um", "seeds: [1], L: 100 um")
 AT = Level("pressure", 0.6)
 PARTS = ["solver", "grid", "window", "levelling"]
 
-
-@pytest.fixture(scope="module", autouse=True)
-def _small_grids() -> Iterator[None]:
-    """Let 17 nodes be the coarsest grid of a card."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(card_runs, "FEWEST_NODES", 16)
-        yield
+pytestmark = pytest.mark.usefixtures("small_grids")
 
 
 @pytest.fixture(scope="module")
@@ -650,7 +644,7 @@ def test_quadrants_of_one_map_hold_the_mean_of_the_ensemble(tmp_path: Path) -> N
     surface = "{H: 0.8, rolloff: 6, n: 32, seeds: 8, L: 200 um, Sq: 0.4 um}"
     text = re.sub("surface: .*", f"surface: {surface}", TEXT).replace("steps: 4", "steps: 2")
     fine = execution.run(card_runs.plan(loads(text), AT).fine.study, jobs=1, out=tmp_path)
-    every = list(surfaces_at_load(Pressed("", fine, AT)))
+    every = surfaces_at_load(Pressed("", fine, AT))
     for axis in "xy":
         logs = np.log([one.leak(axis) for one in every])
         factors = [math.log(window_part([one], axis).factor) for one in every]

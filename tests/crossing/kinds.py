@@ -1,6 +1,6 @@
 """Kinds of run: small studies, each of which shows one feature in its numbers.
 
-Surfaces have 17 nodes a side (m = 4), those with coarser grids 60 or more, and few steps.
+Surfaces have 17 nodes a side (m = 4), those with coarser grids 32 or 33, and few steps.
 A kind is made once in a session, by ``roughvol run``.
 """
 

@@ -64,7 +64,6 @@ CELLS = {
     "show --json": Cells(PRESSED, SHOWN),
     "show --csv": Cells(PRESSED, SHOWN),
     "compare": Cells(PRESSED, SHOWN),
-    "compare --json": Cells(PRESSED, SHOWN),
     "plot v_of_p": Cells(PRESSED, OTHER_RESULTS | {"unpressed": "which the run does not have"}),
     "plot leak_of_p": Cells(UNITS, OTHER_RESULTS | NO_LEAK),
     "report": Cells(f"{PRESSED} unpressed", OTHER_RESULTS),
@@ -92,7 +91,7 @@ CELLS = {
 }
 TOGETHER = {
     "roughvol.show": "show --json",
-    "roughvol.compare": "compare --json",
+    "roughvol.compare": "compare",
     "roughvol.report_on": "report",
     "roughvol.card": "card",
     "roughvol.ask": "ask",

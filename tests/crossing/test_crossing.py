@@ -44,7 +44,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Made]:
 
 
 @pytest.mark.parametrize(("question", "kind"), PLACES, ids=[f"{kind}: {question}" for question, kind in PLACES])
-@pytest.mark.usefixtures("few_samples")
+@pytest.mark.usefixtures("few_samples", "small_grids")
 def test_a_cell_is_right_or_refused_with_its_sentence(made: Callable[[str], Made], question: str, kind: str) -> None:
     (expected,) = cell(question, kind)
     if expected == "right":
