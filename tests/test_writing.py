@@ -2,6 +2,7 @@
 
 import contextlib
 import errno
+import io
 import os
 import re
 import resource
@@ -14,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from roughvol.cli import main
 from roughvol.store import stamped_file
 from tests.kit import LEAKING, ran, refused, said
 
@@ -96,30 +98,39 @@ def _shell(place: Path, line: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(["bash", "-c", line], cwd=place, env=there, capture_output=True, text=True, timeout=120)
 
 
-def test_a_closed_pipe_does_not_keep_a_command_from_its_files(place: Path) -> None:
+def test_a_closed_pipe_does_not_keep_a_command_from_its_files(
+    place: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
     made = place / "runs" / "tiny" / "creep.png"
     made.unlink()
-    done = _shell(place, f"roughvol {' '.join(map(repr, CREEP))} | true")
-    assert made.is_file(), done
-    assert done.stderr == ""
+    reader, writer = os.pipe()
+    os.close(reader)
+    with open(writer, "w") as closed:  # noqa: PTH123  # its end raises as that of Python, where the stream is not silenced
+        monkeypatch.setattr(sys, "stdout", closed)
+        main(CREEP, standalone_mode=False)
+    assert made.is_file()
+    assert capfd.readouterr().err == ""
 
 
-def test_a_closed_standard_error_does_not_end_a_command(place: Path) -> None:
-    done = _shell(place, "roughvol run tiny.yaml 2>&-")
-    assert (done.returncode, done.stderr) == (0, ""), done
+def test_a_closed_standard_error_does_not_end_a_command(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", None)  # as Python has it where it was closed
+    assert main(["run", "tiny.yaml"], standalone_mode=False) is None
 
 
 @pytest.mark.parametrize(
-    ("line", "words"),
+    ("text", "words"),
     [
-        ("printf 'surface: {D: 2.3, m: 4}\ncomment: \\xff' | roughvol check -", "  <stdin>:2: not YAML"),
-        ("roughvol check - <&-", "  <stdin>: a study is a mapping"),
+        (b"surface: {D: 2.3, m: 4}\ncomment: \xff", "  <stdin>:2: not YAML"),
+        (None, "  <stdin>: a study is a mapping"),  # it was closed
     ],
 )
-def test_a_standard_input_that_is_no_text_is_one_message(place: Path, line: str, words: str) -> None:
-    done = _shell(place, f"export PYTHONIOENCODING=utf-8:strict; {line}")
-    assert done.returncode == 2
-    assert done.stderr.startswith(f"1 problem\n{words}")
+def test_a_standard_input_that_is_no_text_is_one_message(
+    text: bytes | None, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "stdin", text and io.TextIOWrapper(io.BytesIO(text), "utf-8", "strict"))
+    with pytest.raises(SystemExit, match="2"):
+        main(["check", "-"])
+    assert capsys.readouterr().err.startswith(f"1 problem\n{words}")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
