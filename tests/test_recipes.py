@@ -29,11 +29,13 @@ record: {heights: true, fields_at: last}
 """
 USE = """
 import json
-import numpy as np, xarray as xr
+import numpy as np
 from click.testing import CliRunner
 import roughvol, roughvol.errors, roughvol.study
 from roughvol.campaign import workers
 from roughvol.cli import main
+from roughvol.reproduction.claim_run import ClaimRun
+from roughvol.reproduction.claims import CLAIMS, Evidence
 
 def call(*words):
     done = CliRunner().invoke(main, list(words), catch_exceptions=False)
@@ -45,8 +47,7 @@ with workers.in_this_process():
     call("run", "bed.yaml", "--jobs", "1")
 ds, bed = roughvol.open("recipe"), roughvol.open("bed").squeeze()
 touching = bed.pressure.values > 0.0
-from roughvol.reproduction.judgement import judge
-(claim,) = (claim for claim in judge(["runs/recipe/study.nc"], any_size=True).claims if claim.id == 25)
+claim = CLAIMS[25](Evidence((ClaimRun.of("recipe", ds),), any_size=True))
 drawn = {name: roughvol.plot("recipe", name).axes[0] for name in ("depth_of_p", "seal_depth")}
 
 np.save("worn.npy", np.eye(5))

@@ -30,10 +30,10 @@ def deadly(number: int, tell: Tell, stopping: Stopping) -> int:
 
 def die_once(task: tuple[int, Path], tell: Tell, stopping: Stopping) -> int:
     number, died = task
-    if number == 0 and not died.exists():
+    if number == 2 and not died.exists():
         died.touch()
         os._exit(7)
-    return 10 * number
+    return deadly(number, tell, stopping)
 
 
 def sleep(number: int, tell: Tell, stopping: Stopping) -> None:
