@@ -67,7 +67,7 @@ def test_arguments_and_results_belong_to_the_caller():
 # ---- windows
 
 
-@settings(max_examples=15, deadline=None, derandomize=True)
+@settings(max_examples=15, derandomize=True)
 @given(st.integers(1, 120), st.integers(1, 120), st.sampled_from(KERNELS), st.booleans(), st.integers(0, 2**32 - 1))
 def test_elements_anywhere_are_displaced_as_on_the_whole_grid(rows, columns, kernel, single, seed):
     space = HalfSpace((rows, columns), kernel, tuning=Tuning(windows_from=0))

@@ -81,7 +81,7 @@ def check_path(contacts, steps, near=1e-9):
         assert abs(contact.contact_area_fraction - area) <= 1.01 / math.prod(contact.shape)  # one on the brink
 
 
-@settings(max_examples=10, deadline=None, derandomize=True)
+@settings(max_examples=10, derandomize=True)
 @given(
     seed=st.integers(0, 2**32 - 1),
     hardness=st.floats(0.5, 60.0),
@@ -160,7 +160,7 @@ def test_elastic_contact_retraces_and_yielded_contact_unloads_below_and_returns(
             assert contact.free_volume == pytest.approx(contact.separation + contact.plastic_volume, abs=1e-12)
 
 
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=8, derandomize=True)
 @given(seed=st.integers(0, 2**32 - 1), hardness=st.floats(0.5, 30.0))
 def test_loading_keeps_contact_and_yield_and_the_free_volume_has_its_bound(seed, hardness):
     surface, space = Surface(random(seed).normal(size=(9, 9)), 1.0), half_space((9, 9))

@@ -89,7 +89,7 @@ def test_sweep_is_the_exact_solution_for_any_body(sides, kernel, iterated):
         check_exact(contact, surface, kernel)
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=12, derandomize=True)
 @given(
     arrays(np.int8, st.tuples(st.integers(3, 6), st.integers(3, 6)), elements=st.integers(0, 4)),
     st.lists(st.integers(1, 60), min_size=1, max_size=4, unique=True).map(sorted),

@@ -154,7 +154,7 @@ def test_a_length_has_one_name_for_its_unit(text: str, unit: str) -> None:
     assert loads(study.to_yaml()).surface.length_unit == unit
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     st.text(alphabet="aAbcdegGhkKlmMnNPsuµ*/^ ·²³0123456789.-{}%", max_size=12),
     st.sampled_from(["surface: {D: 2.3, m: 4, L: '1 @'}", SURFACE + "material: {E_star: '1 @'}"]),
@@ -404,13 +404,13 @@ def _study_or_error(text: str) -> None:
     assert lines == sorted(lines)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40, derandomize=True)
 @given(st.text(st.characters() | st.sampled_from(list(":{}[]-#&*!|>'\"%@`,?\n ")), max_size=60))
 def test_any_text_is_a_study_or_a_study_error(text: str) -> None:
     _study_or_error(text)
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+@settings(max_examples=50, derandomize=True)
 @given(st.data())
 def test_a_damaged_study_is_a_study_or_a_study_error(data: st.DataObject) -> None:
     text = FULL
@@ -438,7 +438,7 @@ PLACES = st.sampled_from(
 
 
 @pytest.mark.parametrize("text", [FULL, "surface: {H: 0.8, n: 32}\nsweep: {steps: 0}"])
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30, derandomize=True)
 @given(changes=st.lists(st.tuples(PLACES, TREES), min_size=1, max_size=3))
 def test_any_value_anywhere_is_a_study_or_a_study_error(text: str, changes: list[tuple[tuple[str, ...], Any]]) -> None:
     study = yaml.safe_load(text)

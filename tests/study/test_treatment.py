@@ -63,7 +63,7 @@ def test_a_crop_by_shares_or_by_lengths_keeps_the_nodes_inside(folder: Path, cro
     assert case.id == _case(folder, "file: map.npy, crop: {x: [10 um, 30 um], y: [18 um, 36 um]}").id
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(5, 400), st.lists(st.floats(0.0, 1.0), min_size=4, max_size=4, unique=True))
 def test_a_crop_of_a_crop_lies_in_it(nodes: int, shares: list[float]) -> None:
     a, b, c, d = sorted(shares)
@@ -113,7 +113,7 @@ def test_block_means_of_a_period_leave_its_length(folder: Path) -> None:
     assert case.surface_text == "means of 4 x 4 nodes taken"
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(3, 300), st.integers(3, 300), st.integers(1, 7), st.floats(0.5, 2.0))
 def test_the_lattice_is_the_one_that_comes_out(rows: int, columns: int, side: int, ratio: float) -> None:
     whole = Lattice((rows, columns), (0.3, 0.3 * ratio))

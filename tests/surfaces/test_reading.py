@@ -309,7 +309,7 @@ def _changed(draw):
     return name, content[: draw(st.integers(0, len(content)))] if draw(st.integers(0, 9)) == 0 else content
 
 
-@settings(derandomize=True, max_examples=30, deadline=None)
+@settings(derandomize=True, max_examples=30)
 @given(_changed())
 @example(("text.grd", b"DSAA"))
 @example(("surfer-7.grd", surfer_7(HEIGHTS)[:12]))

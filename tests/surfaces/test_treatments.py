@@ -128,7 +128,7 @@ def _plane(rows, columns, dx=1.0, dy=1.0):
     return 3.0 + 0.5 * dx * np.arange(rows)[:, np.newaxis] - 0.25 * dy * np.arange(columns)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(SIZES, SIZES, st.integers(1, 4))
 def test_the_block_means_of_a_plane_are_the_plane(rows, columns, side):
     heights = block_means(_plane(rows, columns), side)
@@ -145,7 +145,7 @@ def test_a_block_is_the_mean_of_its_known_heights_and_missing_if_most_of_them_ar
     assert np.array_equal(block_means(heights, 1), heights, equal_nan=True)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(SIZES, SIZES, st.floats(0.5, 2.0))
 def test_a_plane_on_oblong_pixels_is_the_plane_on_square_ones(rows, columns, ratio):
     heights = squared(_plane(rows, columns, 1.0, ratio), ratio)
@@ -242,7 +242,7 @@ def test_a_quadratic_is_no_roughness_where_one_is_levelled():
     assert np.argwhere(outliers(heights, 6.0, degree="quadratic")).tolist() == [[20, 100]]
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([3, 5, 7]), st.sampled_from([0.0, 0.3, 0.6]))
 @example(238, 5, 0.6)  # two sets of outliers that follow each other
 def test_fast_and_slow_agree(seed, window, holes):
