@@ -29,6 +29,11 @@ def parts() -> dict[str, dataset.Dataset]:
     return {case.id: one_case.run_case(case) for case in loads(TEXT).cases()}
 
 
+@pytest.fixture(scope="module")
+def whole(parts: dict[str, dataset.Dataset]) -> dataset.Dataset:
+    return dataset.combine(list(parts.values()), {})
+
+
 def drawn(figure: object) -> list[object]:
     """Everything in a figure that comes from data."""
     content: list[object] = []
@@ -41,10 +46,12 @@ def drawn(figure: object) -> list[object]:
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_a_figure_of_the_cases_needed_is_the_figure(name: str, parts: dict[str, dataset.Dataset]) -> None:
+def test_a_figure_of_the_cases_needed_is_the_figure(
+    name: str, parts: dict[str, dataset.Dataset], whole: dataset.Dataset
+) -> None:
     ids = needed([name], loads(TEXT).cases())
     assert 0 < len(ids) < len(parts)
-    whole, few = (dataset.combine([parts[id] for id in some], {}) for some in (parts, ids))
+    few = dataset.combine([parts[id] for id in ids], {})
     one, other = drawn(FIGURES[name](whole)), drawn(FIGURES[name](few))
     assert len(one) == len(other) > 0
     for a, b in zip(one, other, strict=True):
