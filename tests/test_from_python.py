@@ -18,6 +18,7 @@ from roughvol.study import load_creep
 PAGE = Path(__file__).parents[1] / "docs" / "how-to" / "from-python.md"
 SMALLER = {  # sizes of the page: those of the tests
     '"steps": 8, "to": {"pressure": "0.6 MPa"}': '"steps": 4, "to": {"pressure": "0.6 MPa"}',
+    '"n": 32, "rolloff": 4, "cut": 16': '"n": 16, "rolloff": 3, "cut": 7',
     '"length": "12 mm", "width": "1 mm"': '"length": "1.2 mm", "width": "0.1 mm"',
     '{"free_volume": "5 %"}': '{"free_volume": "50 %"}',
     '{"D": 2.3, "m": 4}, "sweep": {"steps": 8}': '{"D": 2.3, "m": 2}, "sweep": {"steps": 3}',
