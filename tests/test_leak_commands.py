@@ -164,7 +164,7 @@ def test_the_unit_of_a_leak_decides_between_liquid_and_gas() -> None:
 def test_the_leak_of_a_gas_has_the_factors_of_the_liquid(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the card, and of ask and creep with its budget; they were refused for a gas."""
     monkeypatch.setattr(card_runs, "FEWEST_NODES", 8)
-    study = LEAKING_GAS.replace("m: 4", "m: 5").replace("1 um}", "1 um, sides: mirrored}")
+    study = LEAKING_GAS.replace("1 um}", "1 um, sides: mirrored}")
     study = study.replace("outlet: 0 bar", "outlet: 0 bar, law: viscous")
     ran("gas", study.replace("8, to: {pressure: 0.5 MPa", "3, to: {pressure: 40 kPa"))
     load = "pressure=0.02 MPa"

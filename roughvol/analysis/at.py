@@ -282,11 +282,13 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
         _close_where_solved(data, group, reached, places, own, crossings[reached])
     _empty(data, group, alone)
     _take(data, own, group, reached, places)
+    known: dict[str, Any] = {}
     for name, values in flows.items():
         there = values[reached + beyond]
         old = data[name].values if name in data else np.full(there.shape, np.nan)
         attrs = group[name].attrs if name in group else {}
-        data[name] = (("seed", "axis"), np.where(np.isfinite(there), there, old), attrs)
+        known[name] = (("seed", "axis"), np.where(np.isfinite(there), there, old), attrs)
+    data = data.assign(known) if flows else data
     if (ways := leak.ways(data)) in flows:
         for name in _of_ways(data):
             data[name].values[flows[ways][reached + beyond] == 0.0] = 0.0

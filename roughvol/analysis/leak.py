@@ -8,7 +8,8 @@ fluid pressure is missing: a leak between the recorded states, and the leak of a
 
 from __future__ import annotations
 
-from typing import TypeVar
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 from xarray import DataArray, Dataset, Variable
@@ -98,17 +99,17 @@ def recorded(group: Dataset, label: str, steps: Array) -> dict[str, Array]:
 
     Flows of the dry gap are named dry under fluid pressure. A flow is NaN where none of the steps has the state.
     """
-    found: dict[str, DataArray] = {}
+    found: dict[str, Variable] = {}
     if "flux_at" in group.dims and "flux_at_step" in group and label in group["flux_at"].values.tolist():
-        state, dry = group.sel(flux_at=label), "_dry" if is_lifted(group) else ""
+        state, dry = group.sel(flux_at=label).variables, "_dry" if is_lifted(group) else ""
         stored = {f"{flow}{dry}": f"flux_at_{flow}" for flow in DRY}
-        there = state["flux_at_step"].isin(steps)
+        there = (step := state["flux_at_step"]).copy(data=np.isin(step, steps))
         found |= {name: state[own].where(there) for name, own in stored.items() if own in state and name in group}
         if f"open{dry}" in group and f"transmissivity{dry}" in found:
             found[f"open{dry}"] = is_open(found[f"transmissivity{dry}"])
     if STATE in group.dims and label in group[STATE].values.tolist():
-        state = group.sel({STATE: label})
-        there = state[f"{STATE}_step"].isin(steps)
+        state = group.sel({STATE: label}).variables
+        there = (step := state[f"{STATE}_step"]).copy(data=np.isin(step, steps))
         for name in _stored(group):
             lifted = {name: state[LIFTED[name]], "open": is_open(state[LIFTED[name]])}
             own = {flow: values.where(there) for flow, values in (_dry(group, state, name) | lifted).items()}
@@ -116,7 +117,7 @@ def recorded(group: Dataset, label: str, steps: Array) -> dict[str, Array]:
     return {name: values.transpose("seed", "axis").values.astype(float) for name, values in found.items()}
 
 
-def _dry(group: Dataset, state: Dataset, name: str) -> dict[str, DataArray]:
+def _dry(group: Dataset, state: Mapping[Any, Variable], name: str) -> dict[str, Variable]:
     """Return the flows of the dry gap at a state under fluid pressure, as far as the steps have them."""
     dry, lifted = state["fluid_leak_dry"], state["fluid_leak"]  # T* V*³; no more passes the dry gap
     plates = state[f"{STATE}_free_volume"] ** 3

@@ -278,10 +278,11 @@ def test_a_state_recorded_on_the_first_leg_is_none_of_a_later_leg(tmp_path: Path
     legs = "[{steps: 2, to: {pressure: 0.05 MPa}}, {steps: 2, to: {pressure: 0.01 MPa}}]"
     text = SEAL.replace("10 MPa}", "10 MPa, hardness: 1 MPa}")
     flux = text.replace("sivity: every-step", "sivity: every-step, flux_at: {pressure: 0.035 MPa}")
-    made = (_made(one, tmp_path / str(k), legs) for k, one in enumerate((flux, text)))
+    made = (_made(one.replace("seeds: 3", "seeds: 1"), tmp_path / str(k), legs) for k, one in enumerate((flux, text)))
     found, read_off = (ds.roughvol.at("pressure=0.035 MPa, leg 2").leak_rate for ds in made)
     assert_allclose(found, read_off, rtol=1e-12)
     lifted = LIFT.replace("{steps: 4, to: {pressure: 0.05 MPa}}", legs).replace("0.03 MPa", "0.035 MPa")
+    lifted = lifted.replace("[3, 4, 5]", "[3]")
     assert _made(lifted, tmp_path / "lift").roughvol.at("pressure=0.035 MPa, leg 2").leak_rate.isnull().all()
 
 

@@ -25,7 +25,7 @@ from tests.kit import LEAKING, answered, ran, refused, said
 
 TEXT = RUBBER + "solver: {rtol: 1.0e-9}\n"
 ALONE = TEXT.replace("seeds: 2", "seeds: 1")
-CLOSES = TEXT.replace("seeds: 2", "seeds: 3").replace("steps: 20, to: {pressure: 1.2}", "to: percolation")
+CLOSES = TEXT.replace("seeds: 2", "seeds: 3").replace("steps: 20, to: {pressure: 1.2}", "steps: 10, to: percolation")
 CREEP = {"power": {"exponent": 0.1, "time": "1 s"}}
 
 
