@@ -194,7 +194,7 @@ def test_a_starred_load_and_its_nominal_pressure_have_one_card(monkeypatch: pyte
     spectrum = SEAL.replace(GENERATED, "{H: 0.3, n: 32, L: 100 um, Sq: 0.5 um, seeds: [1], sides: periodic}")
     found = []
     for end, at in (("0.1 MPa", "0.05 MPa"), ("2", "1")):  # p* = 1 is 0.05 MPa
-        cards = _computed(spectrum.replace("to: percolation", f"to: {{pressure: {end}}}"), f"pressure={at}")
+        cards = _computed(spectrum.replace(TO_CLOSING, f"{{steps: 2, to: {{pressure: {end}}}}}"), f"pressure={at}")
         found.append(cards.plain()["ways"])
     for one, other in zip(*found, strict=True):
         assert one["parts"] == pytest.approx(other["parts"], rel=1e-4)

@@ -27,7 +27,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the run of the example scan, shortened."""
     with contextlib.chdir(folder := tmp_path_factory.mktemp("scan")):
         said("init", "scan")
-        text = Path("scan.yaml").read_text(encoding="utf-8").replace("scan.txt,", "scan.txt, downsample: 2,")
+        text = Path("scan.yaml").read_text(encoding="utf-8").replace("scan.txt,", "scan.txt, downsample: 4,")
         ran("scan", text.replace("{steps: 12, to: percolation}", "{steps: 3, to: {pressure: 0.1 MPa}}"))
     return folder
 
@@ -35,7 +35,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def scan(stored: Path, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(stored)
-    monkeypatch.setattr(card_runs, "FEWEST_NODES", 16)
+    monkeypatch.setattr(card_runs, "FEWEST_NODES", 8)
 
 
 @pytest.mark.usefixtures("scan")

@@ -121,10 +121,12 @@ def _surface(ds: xr.Dataset, E: float) -> Surface:
                 break
     states: dict[str, dict[str, dict[str, float]]] = {}
     for dim in (str(name) for name in ds.dims if f"{name}_step" in ds):
-        held = {str(n): v.values for n, v in ds.data_vars.items() if v.dims == (dim,) and v.dtype.kind == "f"}
+        held: Numbers = {}
         for key in ds.data_vars:
             v = ds.variables[key]
-            if v.dims == (dim, "axis"):
+            if v.dims == (dim,) and v.dtype.kind == "f":
+                held[str(key)] = v.values
+            elif v.dims == (dim, "axis"):
                 held |= {f"{key}_{axis}": values for axis, values in zip(axes, v.values.T, strict=True)}
         labels = ds[dim].values.tolist()
         states[dim] = {
