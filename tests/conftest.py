@@ -145,6 +145,18 @@ def _blank_figures() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _formulas_once() -> Iterator[None]:
+    """Set each formula once in a session: matplotlib remembers those of one figure, and many axes have the same."""
+    from matplotlib.mathtext import MathTextParser
+
+    setting, parsers = MathTextParser._parse_cached.__wrapped__, {"vector": "path", "raster": "agg"}
+    known = functools.cache(lambda output, *words: setting(MathTextParser(parsers[output]), *words))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(MathTextParser, "_parse_cached", lambda self, *words: known(self._output_type, *words))
+        yield
+
+
 @pytest.fixture(autouse=True)
 def _figures_where_marked(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if request.node.get_closest_marker("layout") is not None:
