@@ -8,7 +8,7 @@ import importlib.metadata
 import json
 import os
 import platform
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import netCDF4
 
@@ -19,6 +19,7 @@ from roughvol.typing import Sides
 
 COMPUTING = ("numpy", "scipy", "pyfftw", "numba")
 """Libraries that decide on the last bit of a number."""
+MOST_NAMED = 3  # files of a step of the treatment
 REFERENCE = (
     "M. Paggi, Q.-C. He, Evolution of the free volume between rough surfaces in contact, "
     "Wear 336-337 (2015) 86-95, https://doi.org/10.1016/j.wear.2015.04.021"
@@ -73,14 +74,25 @@ def provenance(
         attributes["periodic"] = "true"
     if case.length_unit:
         attributes["length_unit"] = case.length_unit
-    if treated := dict.fromkeys(step for one in cases for step in one.surface_text.split("; ") if step):
-        attributes["surface"] = "; ".join(treated)
+    if treated := "; ".join(_treated(cases)):
+        attributes["surface"] = treated
     if files := [{"file": body.file.name, "sha256": body.sha256} for one in cases for body in one.bodies]:
         attributes["height_files"] = json.dumps(files)
     if versions is not None:
         attributes["case_versions"] = json.dumps(dict(sorted(versions.items())))
     attributes |= {"case_ids": ids_text(ids)} if ids else {"case_id": case.id, "case": case.key_text}
     return attributes
+
+
+def _treated(cases: Sequence[Case]) -> Iterator[str]:
+    """Yield the steps of the treatment of all cases; before a step of some are their files, or the number of many."""
+    found = dict[str, list[str]]()
+    for case in cases:
+        for step in filter(None, case.surface_text.split("; ")):
+            found.setdefault(step, []).append(case.label)
+    for step, of in found.items():
+        every = len(of) == len(cases) or any(name in step for name in of)
+        yield step if every else f"{', '.join(of) if len(of) <= MOST_NAMED else f'{len(of)} files'}: {step}"
 
 
 @functools.cache

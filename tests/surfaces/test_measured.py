@@ -82,12 +82,15 @@ def test_units_and_treatment_are_in_the_file_of_the_case(folder):
     assert together["Sq"].units == "um"
 
 
-def test_the_treatment_of_several_files_names_the_unit_of_each(folder):
-    for unit in ("um", "mm"):
-        np.savetxt(folder / f"{unit}.txt", FIRST, header=f"heights in {unit}")
-    cases = [_case(folder, f"file: {unit}.txt, unit: um, level: tilt") for unit in ("um", "mm")]
-    told = provenance.provenance("", fft={}, cases=cases)["surface"]
-    assert told.endswith("subtracted; numbers of um.txt are in um; numbers of mm.txt are in mm")
+def test_the_treatment_of_several_files_names_unit_and_crop_of_each(folder):
+    for unit, step in (("um", 1), ("mm", 2)):
+        np.savetxt(folder / f"{unit}.txt", FIRST[::step, ::step], header=f"heights in {unit}")
+    cases = [_case(folder, f"file: {unit}.txt, unit: um, level: tilt, crop: {{x: [0, 0.5]}}") for unit in ("um", "mm")]
+    told = provenance.provenance("", fft={}, cases=cases)["surface"].split("; ")
+    assert told[0] == "um.txt: cropped to nodes 0 to 4 along x and 0 to 8 along y"
+    assert told[1].endswith("subtracted")
+    assert told[2:4] == ["numbers of um.txt are in um", "mm.txt: cropped to nodes 0 to 2 along x and 0 to 4 along y"]
+    assert told[4:] == ["numbers of mm.txt are in mm"]
 
 
 @pytest.mark.parametrize(("keys", "cut_off"), [("unit: mm, low_pass: 800 um", "0.8 mm"), ("low_pass: 0.8", "0.8")])
