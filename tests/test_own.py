@@ -325,7 +325,7 @@ def test_a_package_beside_the_wheel_adds_an_observable_and_its_figure(tmp_path, 
     (described / "entry_points.txt").write_text("[roughvol.observables]\nlargest_gap = leakage:largest\n")
     Path("gaps.yaml").write_text(STUDY.replace("OWN", "largest_gap: largest_gap").replace("seeds: 2", "seeds: 1"))
 
-    means = ENSEMBLE.replace("OWN", "largest_gap: largest_gap").replace("ACCURACY", "largest_gap: 20 %")
+    means = ENSEMBLE.replace("OWN", "largest_gap: largest_gap").replace("ACCURACY", "largest_gap: 50 %")
     Path("means.yaml").write_text(means.replace("AT", "last"))
     monkeypatch.syspath_prepend(site)
     monkeypatch.setattr(batch, "SMALL", 0.0)  # the only case is computed in a worker
