@@ -205,13 +205,6 @@ def test_runs_are_overlaid_by_name_and_their_points_are_written() -> None:
     assert "[MPa]" in rows[0]["x_label"]
 
 
-@pytest.mark.layout
-def test_a_figure_by_content_has_the_size_and_the_scale_asked_for() -> None:
-    said("plot", "wet", "leak_of_p", "--size", "127x50.8mm", "--log", "x", "--out", "sized")
-    header = Path("sized/leak_of_p.png").read_bytes()[16:24]
-    assert [int.from_bytes(header[:4], "big"), int.from_bytes(header[4:], "big")] == [1500, 600]
-
-
 def test_the_note_says_of_what_and_at_which_fluid_a_leak_is(printed: dict[str, str]) -> None:
     same = "Q is the leak of the patch, pressure drop 1 mbar, viscosity 1 mPa*s."
     assert same in printed["wet"]

@@ -45,10 +45,12 @@ def _runs(there: Path) -> None:
     ran("leaking", TWO)
 
 
-@pytest.mark.parametrize("suffix", ["pdf", "svg"])
+@pytest.mark.parametrize("suffix", [pytest.param("png", marks=pytest.mark.layout), "pdf", "svg"])
 def test_figures_have_every_format_size_and_scale(tmp_path: Path, suffix: str) -> None:
-    said("plot", "plain", "v_of_p", "--format", suffix, "--size", "90x70mm", "--log", "x", "--out", tmp_path)
-    assert (tmp_path / f"v_of_p.{suffix}").stat().st_size > 200
+    said("plot", "plain", "v_of_p", "--format", suffix, "--size", "127x50.8mm", "--log", "x", "--out", tmp_path)
+    content = (tmp_path / f"v_of_p.{suffix}").read_bytes()
+    assert len(content) > 200
+    assert suffix != "png" or np.frombuffer(content[16:24], ">u4").tolist() == [1500, 600]
 
 
 @pytest.mark.layout
