@@ -123,7 +123,7 @@ WRONG: list[tuple[Callable[[Any], Any], Any, str]] = [
     ),
     (lambda names: roughvol.ask(pressed()[names]), ["free_volume"], "the run has no mean_pressure; allowed: all"),
     (roughvol.explain, "surface.d", r"no key and no variable 'surface\.d'; did you mean 'surface\.D'\?;"),
-    (roughvol.check, TINY | {"record": {"own": {"a": int}}}, ".* type; a function has its name here"),
+    (roughvol.check, TINY | {"record": {"own": {"a": int}}}, ".* type; a function has its name here.*function$"),
     (roughvol.explain, 3, "a name is text, given a value of the type int"),
     (roughvol.load, None, "a study file is a path, given a value of the type NoneType"),
     (roughvol.runs, 3, "the folder of runs is a path, given a value of the type int"),

@@ -208,13 +208,6 @@ def test_refused(functions, words):
         roughvol.check(study(functions))
 
 
-def test_a_function_in_place_of_its_name_is_refused_once():
-    made = {"surface": {"D": 2.3, "m": 4}, "record": {"own": {"largest": len}}}
-    with pytest.raises(StudyError, match=r"given a value of the type .*; a function has its name here") as refusal:
-        roughvol.check(made)
-    assert len(refusal.value.problems) == 1
-
-
 @pytest.mark.parametrize(
     ("functions", "words"),
     [
