@@ -217,7 +217,7 @@ def test_run_takes_heights_in_memory_and_keeps_them_beside_its_results() -> None
     roughvol.run(study, jobs=1)
     assert Path("runs/kept/cases").stat().st_mtime_ns == before  # nothing is computed twice
     with pytest.raises(DatasetError, match="another study"):
-        roughvol.run({**study, "surface": {"heights": 2.0 * _grid()}}, jobs=1)
+        roughvol.run({**study, "surface": {"heights": _grid(scale=2.0)}}, jobs=1)
     assert_allclose(_heights("runs/kept/heights.nc"), MAP, rtol=1e-9)  # the first ones stay
     for surface, words in (
         ({"heights": MAP, "file": "runs/kept/heights.nc"}, r'\["heights"\]: excluded by'),
