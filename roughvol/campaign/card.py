@@ -15,10 +15,11 @@ from typing import Any
 from roughvol.campaign import execution
 from roughvol.campaign.batch import OnEvent
 from roughvol.campaign.case_surface import surface_of
+from roughvol.campaign.checks import patch_sides
 from roughvol.errors import CampaignError, Problem, StudyError, SurfaceError
 from roughvol.store.card_runs import CardRuns, Pressed
 from roughvol.store.run_folder import slug
-from roughvol.study import HeightFile, Level, Quantity, Region, Seal, SpectralSurface, Study, read, refused
+from roughvol.study import HeightFile, Level, Quantity, Seal, SpectralSurface, Study, read, refused
 from roughvol.study.values.units import text_of, unit_of
 from roughvol.surfaces.waves import share_below
 
@@ -110,9 +111,7 @@ def loads_together(at: Level, loads: Sequence[Level]) -> list[Level]:
 def _check_seal(study: Study, seal: Seal) -> None:
     """Refuse a seal smaller than its patches, and a fluid pressure that differs from patch to patch along the flow."""
     case = study.cases()[0]
-    surface = surface_of(case)
-    (rows, columns), side = surface.intervals, surface.side
-    sides = (study.record.region or Region()).sides(side, side * columns / rows)
+    sides = patch_sides(case)
     seal.check(sides, case.length_unit)
     if study.record.fluid_pressure is not None and seal.patches(sides, case.length_unit)[0] > 1:
         message = "record.fluid_pressure lifts each patch by another pressure; allowed: a patch as wide as the seal"

@@ -12,7 +12,7 @@ from roughvol.contact.halfspace import LEAST_PERIOD
 from roughvol.errors import ContactError, DatasetError, Problem, StudyError, SurfaceError
 from roughvol.observables import regions
 from roughvol.observables.own import register
-from roughvol.study import Case, MadeSurface, Study
+from roughvol.study import Case, MadeSurface, Region, Study
 from roughvol.study.plain_data import key_text
 from roughvol.study.sections.seal import check_alike
 from roughvol.surfaces.surface import Surface, intervals
@@ -69,6 +69,7 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
                 _check_shape(other)
             if study.seal is not None:
                 check_alike([[intervals(nodes, one.periodic) for nodes in one.shape] for one in (case, *others)])
+                study.seal.check(patch_sides(case), case.length_unit)
     except (DatasetError, SurfaceError) as error:
         if made:  # an argument of Python, which the caller names
             raise
@@ -80,6 +81,12 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
         with study.placing():
             raise StudyError([Problem(str(error), key)]) from error
     return surface
+
+
+def patch_sides(case: Case) -> tuple[float, float]:
+    """Return the lengths along x and y of the patch that a case observes: its surface, or a region of it."""
+    rows, columns = (intervals(nodes, case.periodic) for nodes in case.shape)
+    return (case.record.region or Region()).sides(case.L, case.L * columns / rows)
 
 
 def _check_depth(case: Case, surface: Surface) -> None:

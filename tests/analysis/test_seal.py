@@ -33,7 +33,7 @@ from roughvol.study import Region, loads, parse
 from roughvol.study.sections.seal import unevenness
 from roughvol.surfaces import Spectrum, Surface, power_law_surface, random_midpoint_displacement
 from roughvol.typing import Array
-from tests.kit import answered, ran, said
+from tests.kit import answered, ran, refused, said
 
 TEXT = """name: joint
 surface: {H: 0.8, n: 32, rolloff: 4, cut: 8, L: 0.5 mm, Sq: 0.5 um, seeds: 3, sides: periodic}
@@ -508,6 +508,16 @@ def test_patches_known_along_one_axis_alone_leave_their_seal_unknown() -> None:
     assert_array_equal(seal.known_of(np.array([*open_, [math.nan, math.nan]])), open_)
     for half in ([0.0, math.nan], [math.nan, 0.0]):
         assert seal.known_of(np.array([*open_, half])).shape == (0, 2)
+
+
+def test_a_seal_smaller_than_the_crop_of_a_map_is_refused_before_the_run(here: Path) -> None:
+    np.save("map.npy", random_midpoint_displacement(2.2, 4, seed=1).heights)
+    surface = "surface: {file: map.npy, L: 1 mm, heights_unit: um, crop: {x: [0, 0.5], y: [0, 0.5]}}"
+    Path("map.yaml").write_text(COARSE.replace(COARSE.splitlines()[1], surface), encoding="utf-8")
+    said("check", "map.yaml", "--set", "seal.width=0.5 mm")
+    for command in ("check", "run"):
+        told = refused(command, "map.yaml", "--set", "seal.width=0.4 mm")
+        assert "is 0.4 mm, and a patch is 0.5 mm long along x" in told
 
 
 def test_a_fluid_pressure_that_differs_from_patch_to_patch_is_refused(here: Path) -> None:
