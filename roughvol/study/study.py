@@ -147,7 +147,7 @@ class Study(StudyFile):
         """Return the cases of height files, from the case without its surface; all have the L of the first."""
         found: list[Case] = []
         for scan in surface.each:
-            with self.placing():
+            with self.placing(), _naming(Path(scan.file).name, several=len(surface.each) > 1):
                 measured = resolve(scan)
                 unit = measured.length_unit
                 if unit is None:
@@ -249,6 +249,18 @@ class Study(StudyFile):
 
     def _stored(self) -> dict[str, Any]:
         return self.model_dump(mode="json", context={"stored": True})
+
+
+@contextlib.contextmanager
+def _naming(file: str, *, several: bool) -> Iterator[None]:
+    """Name one of several files in the problems of a `StudyError` raised inside."""
+    try:
+        yield
+    except StudyError as error:
+        named = [
+            one if file in one.message else replace(one, message=f"{file}: {one.message}") for one in error.problems
+        ]
+        raise StudyError(named if several else error.problems) from error
 
 
 def json_schema() -> dict[str, Any]:

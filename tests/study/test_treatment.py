@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from roughvol.campaign import case_surface, one_case
 from roughvol.errors import StudyError, SurfaceError
 from roughvol.store import dataset
-from roughvol.study import Case
+from roughvol.study import Case, loads
 from roughvol.study.sections.height_file import Crop
 from roughvol.study.sections.treatment import Lattice, after, nodes_kept, resampled_nodes
 from roughvol.surfaces import treatment
@@ -90,6 +90,15 @@ def test_what_is_not_allowed_is_refused_by_key(folder: Path) -> None:
         (problem,) = caught.value.problems
         assert problem.key == key, keys
         assert re.search(said, problem.message), problem.message
+
+
+def test_of_several_maps_the_map_that_a_crop_exceeds_is_named(tmp_path: Path) -> None:
+    for nodes in (9, 7):
+        x, y = np.indices((nodes, nodes)).reshape(2, -1)
+        np.savetxt(tmp_path / f"{nodes}.xyz", np.transpose([x, y, x % 3]), header="X [um] Y [um] Z [um]")
+    study = loads("surface: {files: [9.xyz, 7.xyz], crop: {x: [0, 8 um]}}", tmp_path / "s.yaml")
+    with pytest.raises(StudyError, match=r"surface\.crop\.x: 7\.xyz: reaches to 8 um; allowed: up to 6 um"):
+        study.cases()
 
 
 # Block means
