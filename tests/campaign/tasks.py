@@ -28,12 +28,12 @@ def deadly(number: int, tell: Tell, stopping: Stopping) -> int:
     return nap(number, tell, stopping)
 
 
-def die_once(task: tuple[int, Path], tell: Tell, stopping: Stopping) -> int:
+def fatal(task: tuple[int, Path], tell: Tell, stopping: Stopping) -> int:
     number, died = task
-    if number == 2 and not died.exists():
+    if number == 3 or (number == 0 and not died.exists()):
         died.touch()
         os._exit(7)
-    return deadly(number, tell, stopping)
+    return 10 * number
 
 
 def sleep(number: int, tell: Tell, stopping: Stopping) -> None:
