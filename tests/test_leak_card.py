@@ -188,19 +188,6 @@ def test_one_open_step_does_not_show_the_window() -> None:
     assert len(re.findall(r"the map is open at one step alone, 0\.\d+ MPa", printed)) == 2
 
 
-def test_a_starred_load_and_its_nominal_pressure_have_one_card(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The coarser grids of this surface have another Sq."""
-    monkeypatch.setattr(card_runs, "FEWEST_NODES", 15)
-    spectrum = SEAL.replace(GENERATED, "{H: 0.3, n: 32, L: 100 um, Sq: 0.5 um, seeds: [1], sides: periodic}")
-    found = []
-    for end, at in (("0.1 MPa", "0.05 MPa"), ("2", "1")):  # p* = 1 is 0.05 MPa
-        cards = _computed(spectrum.replace(TO_CLOSING, f"{{steps: 2, to: {{pressure: {end}}}}}"), f"pressure={at}")
-        found.append(cards.plain()["ways"])
-    for one, other in zip(*found, strict=True):
-        assert one["parts"] == pytest.approx(other["parts"], rel=1e-4)
-        assert one["leak_interval"] == pytest.approx(other["leak_interval"], rel=1e-4)
-
-
 def test_a_period_has_coarser_grids_that_its_blocks_fill() -> None:
     np.save("face0.npy", np.random.default_rng(0).standard_normal((128, 126)))
     period = "{file: face0.npy, L: 128 um, heights_unit: um, sides: periodic}"
