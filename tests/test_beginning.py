@@ -74,6 +74,28 @@ def test_the_study_of_a_height_map_says_its_sides() -> None:
         Path("face.yaml").unlink()
 
 
+def test_several_height_maps_make_one_study() -> None:
+    heights = np.random.default_rng(0).normal(size=(9, 9))
+    np.savetxt("face1.txt", heights, header="heights in um")
+    heights[3, 4] = np.nan
+    np.savetxt("face2.txt", heights)
+    told = said("init", "face1.txt", "face2.txt")
+    assert "with surface.missing: interpolate" in told
+    assert "fill in surface.L, which not all maps give" in told
+    text = Path("face.yaml").read_text(encoding="utf-8")
+    assert text.startswith("# The height maps face1.txt, face2.txt. ")
+    Path("face.yaml").write_text(text.replace("FILL IN, as ", ""), encoding="utf-8")
+    assert [case.file.name for case in load("face.yaml").cases()] == ["face1.txt", "face2.txt"]
+    np.savetxt("other.txt", heights)
+    said("init", "other.txt", "face2.txt", "--set", "surface.L=9 um")
+    assert load("maps.yaml").name == "maps"
+    for names in (("face1.txt", "none.txt"), ("none.txt", "face1.txt")):
+        assert "'none.txt' is no height map; allowed are one example, or one height map or several" in refused(
+            "init", *names
+        )
+    assert "'seal' is no height map" in refused("init", "face1.txt", "seal")
+
+
 @pytest.mark.parametrize("name", ["123", "1e5", "true", "a#b: c", "a\nb", "a\x01b", "a\x85b", "a\u2028b"])
 def test_a_height_map_may_have_any_name(name: str) -> None:
     np.savetxt(f"{name}.txt", np.random.default_rng(0).normal(size=(9, 9)))

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from importlib import resources
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ COUNT = "0.95 nm"  # the height of a count
 READABLE = "um"  # the unit of a study of a map that is far smaller than the unit in its file
 FAR_SMALLER = 0.1
 SIDES = "# sides: mirrored, the map is a part of a joint; free, a block of its size; periodic, one period of a plane"
-HEAD = """# The height map {path}. Give material, end of the sweep and fluid; roughvol explain has all keys.
+HEAD = """# The height map{s} {paths}. Give material, end of the sweep and fluid; roughvol explain has all keys.
 #   roughvol check {name}.yaml --look
 #   roughvol run {name}.yaml
 #   roughvol card {name}.yaml
@@ -41,26 +42,31 @@ def _examples_with(context: click.Context, option: click.Parameter, start: str) 
     "roughvol init                list the examples",
     "roughvol init seal           write seal.yaml into the current folder",
     "roughvol init face.xyz       write face.yaml, a study of this height map",
+    "roughvol init face*.xyz      of several height maps",
     "roughvol init face.npy --set surface.L='500 um' --set surface.heights_unit=um",
 )
-@click.argument("example", required=False, shell_complete=_examples_with, metavar="[EXAMPLE|FILE]")
+@click.argument("names", nargs=-1, shell_complete=_examples_with, metavar="[EXAMPLE|FILE]")
 @click.option("--list", "listing", is_flag=True, help="List the examples and write nothing.")
 @SET
-def init(example: str | None, listing: bool, changes: tuple[str, ...]) -> None:
+def init(names: tuple[str, ...], listing: bool, changes: tuple[str, ...]) -> None:
     """Write the study EXAMPLE, or the study of the height map FILE, into the current folder, or list the examples.
 
-    Sizes and units come from FILE. What it lacks is left to fill in. Oblong pixels are resampled, and missing heights
-    interpolated. Files that exist are not overwritten.
+    Several maps make one study. Sizes and units come from FILE. What it lacks is left to fill in. Oblong pixels are
+    resampled, and missing heights interpolated. Files that exist are not overwritten.
     """
     known = _examples()
-    if example is None or listing:
+    if not names or listing:
         titles = [(name, text.splitlines()[0].removeprefix("# ")) for name, text in known.items()]
         say(terminal.aligned(("example", "content"), titles))
         say("write one with: roughvol init EXAMPLE; the study of a height map with: roughvol init FILE")
         return
-    if example not in known and Path(example).is_file():
-        _write_study_of_map(Path(example), known["scan"], changes)
+    example, *others = names
+    if not known.keys() & names and all(Path(name).is_file() for name in names):
+        _write_study_of_maps([Path(name) for name in names], known["scan"], changes)
         return
+    if others:
+        example = next((name for name in names if not Path(name).is_file()), example)
+        raise click.UsageError(f"{example!r} is no height map; allowed are one example, or one height map or several")
     if example not in known:
         near = meant(example, known)
         raise click.UsageError(f"no example and no height map {example!r}{near} (examples: {', '.join(known)})")
@@ -104,16 +110,20 @@ def _write_new(files: Mapping[str, str]) -> None:
         say(f"wrote {name}")
 
 
-def _write_study_of_map(path: Path, example: str, changes: Sequence[str]) -> None:
-    """Write the study of a height map, as that of the example; lengths and units that it lacks are to be filled in."""
+def _write_study_of_maps(paths: Sequence[Path], example: str, changes: Sequence[str]) -> None:
+    """Write the study of height maps, as that of the example; lengths and units that they lack are to be filled in."""
     from roughvol.study.plain_data import printable, write
     from roughvol.study.reading import set_key
 
     if other := [change for change in changes if not change.startswith("surface.")]:
         message = f"--set {other[0]}: allowed are keys of surface; give the others in the study that is written"
         raise click.UsageError(message)
-    name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem).strip("_-")[:100] or "map"
-    given: dict[str, Any] = {"name": name, "surface": {"file": str(path), "level": "tilt"}}
+    files, several = [str(path) for path in paths], len(paths) > 1
+    letters = takewhile(lambda of_each: len(set(of_each)) == 1, zip(*(path.stem for path in paths), strict=False))
+    stem = "".join(letter for letter, *_ in letters)  # with which all names begin
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", stem).strip("_-")[:100] or ("maps" if several else "map")
+    of_files: dict[str, Any] = {"files": files} if several else {"file": files[0]}
+    given: dict[str, Any] = {"name": name, "surface": of_files | {"level": "tilt"}}
     if not any(change.startswith("surface.periodic") for change in changes):
         given["surface"]["sides"] = "mirrored"
     for change in changes:
@@ -131,13 +141,15 @@ def _write_study_of_map(path: Path, example: str, changes: Sequence[str]) -> Non
         given["surface"]["unit"] = READABLE
     to_fill_in = {key: f"FILL IN, as {value}" for key, value in absent.items() if key in TO_FILL_IN}
     text = study({key: to_fill_in.get(key, value) for key, value in absent.items()})
-    _write_new({f"{name}.yaml": HEAD.format(path=printable(str(path)), name=name) + text})
+    head = HEAD.format(paths=", ".join(map(printable, files)), name=name, s="s" * several)
+    _write_new({f"{name}.yaml": head + text})
     for key in filter(DECIDED.get, absent):
         say(f"with surface.{key}: {absent[key]}, which the heights need")
     if small:
-        say(f"with surface.unit: {READABLE}, as its L is {small} in {path}")
+        say(f"with surface.unit: {READABLE}, as its L is {small} in {files[0]}")
     if to_fill_in:
-        say(f"fill in {' and '.join(f'surface.{key}' for key in to_fill_in)}, which {path} does not give")
+        who = "not all maps give" if several else f"{files[0]} does not give"
+        say(f"fill in {' and '.join(f'surface.{key}' for key in to_fill_in)}, which {who}")
     say(f"next: roughvol check {name}.yaml --look")
 
 
@@ -152,7 +164,7 @@ def _lacking(study: str, file: str, given: Set[str], absent: Mapping[str, str]) 
 
     known = given | absent.keys()
     try:
-        case = loads(study, file).cases()[0]
+        cases = loads(study, file).cases()
     except StudyError as error:
         keys = [problem.key.removeprefix("surface.") for problem in error.problems if "missing" in problem.message]
         keys = keys or ["unit"] * any("the unit of length" in problem.message for problem in error.problems)
@@ -160,17 +172,19 @@ def _lacking(study: str, file: str, given: Set[str], absent: Mapping[str, str]) 
         if lacking := {key: examples[key] for key in keys if key in examples and key not in known}:
             return lacking
         raise StudyError([replace(problem, file="", line=None) for problem in error.problems]) from None  # not written
-    body = case.bodies[0]
-    ignored = body.header == "ignore"
-    try:
-        surface_of(case)
-    except SurfaceError as error:  # others are those of `roughvol check`, but for a file that holds no heights
-        if "surface.missing" in str(error) and "missing" not in known:
-            return {"missing": DECIDED["missing"]}
-        reading.read(body.file, body.variable, holes=True, columns=body.columns, ignore_header=ignored)
-    described = reading.describe(body.file, body.variable, columns=body.columns, ignore_header=ignored)
-    counts = described.counts and "heights_unit" not in given and absent.get("heights_unit") != COUNT
-    return {"heights_unit": COUNT} if counts else {}
+    for case in cases:
+        body = case.bodies[0]
+        ignored = body.header == "ignore"
+        try:
+            surface_of(case)
+        except SurfaceError as error:  # others are those of `roughvol check`, but for a file that holds no heights
+            if "surface.missing" in str(error) and "missing" not in known:
+                return {"missing": DECIDED["missing"]}
+            reading.read(body.file, body.variable, holes=True, columns=body.columns, ignore_header=ignored)
+        described = reading.describe(body.file, body.variable, columns=body.columns, ignore_header=ignored)
+        if described.counts and "heights_unit" not in given and absent.get("heights_unit") != COUNT:
+            return {"heights_unit": COUNT}
+    return {}
 
 
 def _small(study: str, file: str, known: Set[str]) -> str:
