@@ -69,10 +69,13 @@ def test_a_stop_lets_end_what_has_begun_and_begins_no_more() -> None:
 
 def test_a_task_that_kills_its_process_is_given_up_and_costs_no_other(tmp_path: Path) -> None:
     ended = Ends()
-    workers.each(tasks.fatal, [(number, tmp_path / "died") for number in range(4)], jobs=2, on_end=ended)
-    found = {number: result for (number, _), result in ended.items()}
-    assert isinstance(found.pop(3), workers.Lost)
-    assert found == {0: 0, 1: 10, 2: 20}  # 0 has killed its process once
+    workers.each(tasks.deadly, range(4), jobs=2, on_end=ended)
+    assert isinstance(ended.pop(0), workers.Lost)
+    assert ended == {1: 1, 2: 2, 3: 3}
+    once = Ends()
+    numbered = [(number, tmp_path / "died") for number in range(4)]
+    workers.each(tasks.die_once, numbered, jobs=2, on_end=once)
+    assert list(once.values()) == [10 * number for number, _ in once]
 
 
 def test_an_exception_of_the_caller_ends_the_tasks() -> None:
