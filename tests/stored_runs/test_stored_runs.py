@@ -20,7 +20,6 @@ from roughvol.report import page
 from tests.kit import call, refused, said, succeeded, twin
 from tests.stored_runs.archive import VERSIONS, studies, unpack
 
-pytestmark = pytest.mark.usefixtures("few_samples")
 CASES = [(version, name) for version in VERSIONS for name in studies(version)]
 OLDEST = VERSIONS[0]
 SAME = ("0.12.0", "0.15.0")  # their files hold what those of 0.13.0, and of 0.14.0 or 0.16.0 hold
