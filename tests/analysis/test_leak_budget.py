@@ -646,7 +646,7 @@ def test_quadrants_of_one_map_hold_the_mean_of_the_ensemble(tmp_path: Path) -> N
     surface = "{H: 0.8, rolloff: 6, n: 32, seeds: 8, L: 200 um, Sq: 0.4 um}"
     text = re.sub("surface: .*", f"surface: {surface}", TEXT).replace("steps: 4", "steps: 2")
     fine = execution.run(card_runs.plan(loads(text), AT).fine.study, jobs=1, out=tmp_path)
-    every = surfaces_at_load(Pressed("", fine, AT))
+    every = list(surfaces_at_load(Pressed("", fine, AT)))
     for axis in "xy":
         logs = np.log([one.leak(axis) for one in every])
         factors = [math.log(window_part([one], axis).factor) for one in every]

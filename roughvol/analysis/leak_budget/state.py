@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -33,8 +32,6 @@ EXACT = 1e-8  # accuracy of the flows whose ratios are parts of the error
 FLOW, SWEEP = "leak_rate", "the sweep"
 FAR, LEAST_SLOPE = 20.0, 1e-6  # logarithm of loads before the first state; of a leak over that of the load
 NEARER = 2.0 ** -np.arange(1.0, 31.0)  # distances to the closing load over that of the last state
-
-_LOADED: WeakKeyDictionary[Pressed, list[Loaded]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,14 +172,8 @@ def curve_of(points: Mapping[float, float], closes: float) -> PchipInterpolator 
     return PchipInterpolator(*sides, extrapolate=False)
 
 
-def surfaces_at_load(pressed: Pressed) -> list[Loaded]:
-    """Return the surfaces of a run at the load of a card, found once while the run is held."""
-    if pressed not in _LOADED:
-        _LOADED[pressed] = list(_surfaces(pressed))
-    return _LOADED[pressed]
-
-
-def _surfaces(pressed: Pressed) -> Iterator[Loaded]:
+def surfaces_at_load(pressed: Pressed) -> Iterator[Loaded]:
+    """Yield the surfaces of a run at the load of a card."""
     run = Run.of(SWEEP, pressed.dataset)
     for label, group in groups(derived(run.dataset, run.study)):
         for k in range(group.sizes["seed"]):
