@@ -49,7 +49,7 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
             arrays_of_case(study.cases()[0])
     if isinstance(given, MadeSurface):
         with study.placing():
-            for case in {(case.shape, case.kernel): case for case in study.cases()}.values():
+            for case in {(case.shape, case.kernel, case.D): case for case in study.cases()}.values():
                 _check_shape(case)
                 if case.sides != "free" and any(level.kind in DEPTHS for _, level in case.sweep.states()):
                     _check_depth(case, surface_of(case))
