@@ -13,6 +13,7 @@ from roughvol.store import sample_plan
 from roughvol.store.run_folder import case_file, outdated, stored_ids, stored_study, strangers
 from roughvol.study import Case, HeightFile, Record, Study, axes, loads
 from roughvol.study.axes import Label
+from roughvol.study.values.units import same
 
 AXES = ("surface.D", "surface.H", "surface.m", "surface.n", "surface.seeds")
 WORDS = ("name", "comment", "seal")  # keys and sections that change no stored number
@@ -136,7 +137,11 @@ def _keys(study: Study) -> dict[str, Any]:
 
 
 def _changed(before: Mapping[str, Any], after: Mapping[str, Any], left_out: Collection[str]) -> list[str]:
-    names = [name for name in dict.fromkeys([*before, *after]) if before.get(name) != after.get(name)]
+    def differ(name: str) -> bool:
+        old, new = before.get(name), after.get(name)
+        return old != new if name == "surface.L" else not same(old, new)  # stored lengths have the unit of L
+
+    names = [name for name in dict.fromkeys([*before, *after]) if differ(name)]
     names = [name for name in names if name not in left_out and name.partition(".")[0] not in left_out]
     return [f"{name}: {' → '.join(_shown(before, after, name))}" for name in names]
 

@@ -61,7 +61,8 @@ def test_the_run_advised_for_a_changed_study_computes_it(place: Path) -> None:
     Path("tiny.yaml").write_text(text, encoding="utf-8")
     assert "roughvol run tiny.yaml --set name=OTHER, or --fresh" in refused("show", "tiny.yaml")
     said("run", "tiny.yaml", "--set", "name=OTHER", "--jobs", "1")
-    said("show", "tiny.yaml", "--set", "name=OTHER")
+    said("show", "tiny.yaml", "--set", "name=OTHER", "--set", "material.E=10000 kPa")  # no other number
+    assert 'surface.L: "100 um"' in refused("show", "OTHER", "--set", "surface.L=0.1 mm")  # the unit of stored lengths
     Path("tiny.yaml").write_text(TEXT.replace("seeds: 1", "seeds: 2"), encoding="utf-8")
     assert "roughvol run tiny.yaml; to see" in refused("show", "tiny.yaml")  # which keeps the cases of the run
     said("run", "tiny.yaml", "--jobs", "1")
