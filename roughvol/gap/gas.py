@@ -14,12 +14,15 @@ of Tribology 112 (1990) 78-83: D/6 + 1.0162 + … for D ≥ 5, with a minimum of
 the plates never meet them. A rough gap cuts the logarithm off at the length of its channels, which the local f cannot
 know. Where λ exceeds that length, Q is an upper estimate.
 
-The flux between two points of an element is linear in Φ(p) = ∫ f dp. For f = g³ p + 6 λ g² one part is linear in p² and
-one in p, and where g varies no potential is common to all elements. Then the problem is nonlinear. `conduction_of_gas`
-solves it by iteration: each turn is a linear problem in s = p²/2 + β p, where the conductance of a face is its exact
-throughput at the last pressures over its drop of s. A fixed point has the exact throughputs.
+The flux between two points of an element is linear in its potential Φ(p) = ∫ f dp (Kirchhoff's transformation). For
+f = g³ p + 6 λ g² one part is linear in p² and one in p, and where g varies no potential is common to all elements. Then
+the problem is nonlinear. `conduction_of_gas` solves it by turns. Each turn is a linear problem in the potential s of
+the critical constriction. The conductance of a face is its exact throughput at the last pressures over its drop of s. A
+fixed point has the exact throughputs. Gaps near the constriction decide the flow, and their conductances hardly depend
+on the pressures.
 """
 
+import itertools
 import math
 from typing import NamedTuple
 
@@ -35,7 +38,7 @@ from roughvol.typing import Array
 LAWS = ("kinetic", "slip", "viscous")
 WINDOW = 1e7  # of conductances over that of the critical constriction, as in `transport`
 TURNS = 60  # largest number of iterations
-CAUTION = 2.0  # the last change is no bound of the changes to come
+CAUTION = 3.0  # the last change is no bound of the changes to come
 LAST, INNER = 0.1, 0.01  # over the accuracy: relative change of the flow at the last turn; error of the flow of a turn
 SLIP = 6.0  # of Maxwell's slip velocity λ du/dz, walls of diffuse reflection
 # Q = a D + b + c/D + d/D² from each D on (Fukui & Kaneko 1990)
@@ -48,16 +51,30 @@ PIECES = (
 )
 AT_FREE = PIECES[0][0] * FREE + PIECES[0][1] + PIECES[0][2] / FREE + PIECES[0][3] / FREE**2  # Q there
 VACUUM = 1e-12  # least pressure of an element: conductances for s stay finite at an outlet without gas
+NEWTON = 2  # steps to the pressure of a potential, in a turn; the next turn makes up for what they leave
+CLOSE = 1e-7  # relative difference of two pressures, whose drop of s has lost its digits
 NEAR = 0.02  # relative difference of two pressures, below which their mean conductance is a quadrature
 LONGEST = 1e100  # mean free path over the constriction; a shorter one than its inverse gives the same flow to rounding
 APART = 1e-9  # relative distance of a pressure from an end of the fit; nearer ones have no digits in their integrals
+
+
+def _from_start(piece: int, D: float) -> float:
+    """Return ∫ Q dD from the start of a piece to D."""
+    start, (a, b, c, d) = STARTS[piece], PIECES[piece]
+    return (D - start) * (0.5 * a * (D + start) + b + d / (D * start)) + c * math.log(D / start)
+
+
+_within = compiled(_from_start)
+TO_FREE = FREE * (AT_FREE + 1.0 / math.sqrt(math.pi))  # ∫ Q dD
+TO_STARTS = tuple(itertools.accumulate(map(_from_start, range(2), STARTS[1:]), initial=TO_FREE))
 
 
 class GasFlow(NamedTuple):
     """A flow of a gas along an axis: throughput over that of viscous flow between plates, relative error, iterations.
 
     The error is that of the last two changes and of the last flow. ``knudsen`` is λ at the mean of both pressures over
-    the critical constriction, infinite without a way.
+    the critical constriction, infinite without a way. ``pressure`` has the pressures of the elements, shape (rows,
+    columns), any number where nothing flows; None without a way.
     """
 
     coefficient: float
@@ -65,22 +82,20 @@ class GasFlow(NamedTuple):
     knudsen: float
     conservation_error: float
     turns: int
+    pressure: Array | None = None
 
 
 class Law(NamedTuple):
-    """A law of the table above: kinetic or not, the mean free path λ, 6 λ in slip flow, and β of s."""
+    """A law of the table above: kinetic or not, D of a gap of 1 at the inlet, and 6 λ in slip flow."""
 
     kinetic: bool
-    path: float
+    D: float
     slip: float
-    beta: float
 
 
 def _law(name: str, path: float) -> Law:
-    slip = SLIP * path
-    return Law(
-        name == "kinetic", path, *{"viscous": (0.0, 0.0), "slip": (slip, slip), "kinetic": (0.0, 1.5 * slip)}[name]
-    )
+    dense = 0.5 * math.sqrt(math.pi) / path if name == "kinetic" else math.inf
+    return Law(name == "kinetic", dense, SLIP * path if name == "slip" else 0.0)
 
 
 def local_flow(law: str, gap: float, pressure: float, path: float) -> float:
@@ -96,11 +111,9 @@ def plate_flow(law: str, gap: float, inlet: float, outlet: float, path: float) -
 @compiled
 def kinetic_flow_rate(D: float) -> float:
     """Return Q(D), the flow rate between plane plates by kinetic theory, for D = √π g/(2 λ) > 0."""
-    x, piece = max(D, FREE), 0
-    while piece + 1 < len(STARTS) and x >= STARTS[piece + 1]:
-        piece += 1
-    a, b, c, d = PIECES[piece]
-    rate = a * x + b + c / x + d / x**2
+    x = max(D, FREE)
+    a, b, c, d = PIECES[_piece(x)]
+    rate = a * x + b + (c + d / x) / x
     if D < FREE:
         rate -= math.log(D / FREE) / math.sqrt(math.pi)
     return rate
@@ -111,21 +124,21 @@ def kinetic_integral(D: float) -> float:
     """Return ∫ Q dD from 0 to D ≥ 0."""
     if D <= FREE:
         return D * (AT_FREE + (1.0 - math.log(D / FREE)) / math.sqrt(math.pi)) if D > 0.0 else 0.0
-    total = FREE * (AT_FREE + 1.0 / math.sqrt(math.pi))
-    for piece in range(len(STARTS)):
-        start, (a, b, c, d) = STARTS[piece], PIECES[piece]
-        x = min(D, STARTS[piece + 1]) if piece + 1 < len(STARTS) else D
-        if start < x:
-            total += (x - start) * (0.5 * a * (x + start) + b + d / (x * start)) + c * math.log(x / start)
-    return total
+    piece = _piece(D)
+    return TO_STARTS[piece] + _within(piece, D)
+
+
+@compiled
+def _piece(D: float) -> int:
+    """Return the piece of the fit for D ≥ `FREE`."""
+    return (STARTS[1] <= D) + (STARTS[2] <= D)
 
 
 @compiled
 def _local(law: Law, g: float, p: float) -> float:
     """Return f(g, p)."""
     if law.kinetic:
-        D = max(0.5 * math.sqrt(math.pi) / law.path * g * p, 1e-300)
-        return 12.0 * law.path / math.sqrt(math.pi) * g**2 * kinetic_flow_rate(D)
+        return 6.0 / law.D * g**2 * kinetic_flow_rate(max(law.D * g * p, 1e-300))
     return g**3 * p + law.slip * g**2
 
 
@@ -133,8 +146,8 @@ def _local(law: Law, g: float, p: float) -> float:
 def _integral(law: Law, g: float, high: float, low: float) -> float:
     """Return ∫ f dp from a low to a high pressure."""
     if law.kinetic:
-        per = 0.5 * math.sqrt(math.pi) / law.path * g
-        return 24.0 * law.path**2 / math.pi * g * (kinetic_integral(per * high) - kinetic_integral(per * low))
+        per = law.D * g
+        return 6.0 / law.D**2 * g * (kinetic_integral(per * high) - kinetic_integral(per * low))
     return (high - low) * (0.5 * g**3 * (high + low) + law.slip * g**2)
 
 
@@ -144,7 +157,7 @@ def _mean(law: Law, g: float, one: float, other: float) -> float:
     high, low = max(one, other), min(one, other)
     if not law.kinetic:
         return 0.5 * g**3 * (high + low) + law.slip * g**2
-    D = 0.5 * math.sqrt(math.pi) / law.path * g  # of the pressure 1
+    D = law.D * g  # of the pressure 1
     jumps = False  # f between the pressures, by up to 0.3 %: a quadrature would jump with it
     for start in STARTS[1:]:
         jumps = jumps or D * low * (1.0 + APART) < start < D * high * (1.0 - APART)
@@ -156,35 +169,67 @@ def _mean(law: Law, g: float, one: float, other: float) -> float:
 
 
 @compiled
-def _inner(law: Law, p: Array, beside: Array, gap: Array, gap_beside: Array, faces: Array) -> Array:
-    """Return conductances for s of the faces between elements and those beside them; `faces` get their pressures."""
-    through = np.zeros(p.shape)
+def _potentials(law: Law, p: Array) -> Array:
+    """Return the potentials s of the constriction, a gap of 1, at pressures of a field."""
+    s = np.empty(p.shape)
     for i in range(p.shape[0]):
         for j in range(p.shape[1]):
-            g, h, one, other = gap[i, j], gap_beside[i, j], p[i, j], beside[i, j]
+            s[i, j] = _integral(law, 1.0, p[i, j], 0.0)
+    return s
+
+
+@compiled
+def _follow(law: Law, p: Array, s: Array, towards: Array) -> None:
+    """Change pressures and their potentials s towards other potentials, by steps of Newton."""
+    for i in range(p.shape[0]):
+        for j in range(p.shape[1]):
+            if law.kinetic:
+                for _ in range(NEWTON):
+                    step = (towards[i, j] - s[i, j]) / _local(law, 1.0, p[i, j])
+                    p[i, j] = min(max(p[i, j] + step, 0.1 * p[i, j], VACUUM), 1.0)
+                    s[i, j] = _integral(law, 1.0, p[i, j], 0.0)
+            else:
+                s[i, j] = max(towards[i, j], _integral(law, 1.0, VACUUM, 0.0))
+                p[i, j] = 2.0 * s[i, j] / (law.slip + math.sqrt(law.slip**2 + 2.0 * s[i, j]))
+
+
+@compiled
+def _inner(law: Law, s: Array, p: Array, gap: Array, axis: int, shares: Array) -> Array:
+    """Return conductances for s of the faces between elements and the next ones along an axis, the last with the first.
+
+    ``shares`` holds, for each face, by how much its pressure follows that of the element rather than of the next one.
+    """
+    through, (rows, columns) = np.zeros(p.shape), p.shape
+    for i in range(rows):
+        for j in range(columns):
+            k, n = (i + 1 if i + 1 < rows else 0, j) if axis == 0 else (i, j + 1 if j + 1 < columns else 0)
+            g, h, share = gap[i, j], gap[k, n], shares[i, j]
             if g > 0.0 and h > 0.0:
-                front, back = _mean(law, g, one, faces[i, j]), _mean(law, h, other, faces[i, j])
-                faces[i, j] = (front * one + back * other) / (front + back)
-                front, back = _mean(law, g, one, faces[i, j]), _mean(law, h, other, faces[i, j])
-                through[i, j] = _in_window(law, 2.0 * front * back / (front + back), one, other, WINDOW)
+                face = share * p[i, j] + (1.0 - share) * p[k, n]
+                at = _integral(law, 1.0, face, 0.0)
+                one, other = _mean(law, g, p[i, j], face), _mean(law, h, p[k, n], face)
+                shares[i, j] = one / (one + other)
+                front = _conductance(law, one, s[i, j] - at, p[i, j], face)
+                back = _conductance(law, other, s[k, n] - at, p[k, n], face)
+                through[i, j] = min(max(2.0 * front * back / (front + back), 1.0 / WINDOW), WINDOW)
     return through
 
 
 @compiled
-def _outer(law: Law, p: Array, reservoir: float, gap: Array) -> Array:
-    """Return conductances for s between elements and the reservoir beside them."""
+def _outer(law: Law, s: Array, p: Array, at: float, reservoir: float, gap: Array) -> Array:
+    """Return conductances for s between elements and the reservoir beside them, of a potential ``at``."""
     through = np.zeros(p.size)
     for j in range(p.size):
         if gap[j] > 0.0:
-            flow = 2.0 * _mean(law, gap[j], reservoir, p[j])
-            through[j] = _in_window(law, flow, reservoir, p[j], 2.0 * WINDOW)
+            flow = 2.0 * _conductance(law, _mean(law, gap[j], p[j], reservoir), s[j] - at, p[j], reservoir)
+            through[j] = min(max(flow, 1.0 / WINDOW), 2.0 * WINDOW)
     return through
 
 
 @compiled
-def _in_window(law: Law, flow: float, one: float, other: float, most: float) -> float:
-    """Return the conductance for s of a flow between two pressures."""
-    return min(max(flow / max(0.5 * (one + other) + law.beta, 1e-300), 1.0 / WINDOW), most)
+def _conductance(law: Law, mean: float, drop: float, one: float, other: float) -> float:
+    """Return a mean of f between two pressures over that of the constriction, of a drop of s between them."""
+    return mean * ((one - other) / drop if abs(one - other) > CLOSE * one else 1.0 / _local(law, 1.0, one))
 
 
 @compiled
@@ -199,12 +244,20 @@ def _over_critical(law: Law, wide: Array, pressure: float) -> Array:
 
 
 def conduction_of_gas(
-    gap: Array, axis: int, law: str, path: float, outlet: float, *, periodic: bool = False, accuracy: float = ACCURACY
+    gap: Array,
+    axis: int,
+    law: str,
+    path: float,
+    outlet: float,
+    *,
+    periodic: bool = False,
+    accuracy: float = ACCURACY,
+    start: Array | None = None,
 ) -> GasFlow:
     """Return the throughput of a gas along an axis over that of viscous flow between plates at the mean gap.
 
-    The path is λ at the inlet; the outlet pressure is 0 ≤ outlet < 1. A flow that still changes by a tenth of the
-    accuracy after `TURNS` iterations is a `ConvergenceError`.
+    The path is λ at the inlet; the outlet pressure is 0 ≤ outlet < 1. `start` has pressures of a similar gap. A flow
+    that still changes by a tenth of the accuracy after `TURNS` iterations is a `ConvergenceError`.
     """
     if law not in LAWS or not 0.0 <= outlet < 1.0 or not 0.0 <= path < math.inf or (law == "kinetic" and path == 0.0):
         given = f"law {law!r}, mean free path {path}, outlet {outlet}"
@@ -220,44 +273,44 @@ def conduction_of_gas(
     wide = np.minimum(along / critical, math.sqrt(WINDOW))  # in free molecular flow g² counts
     middle, of_law = 0.5 * (1.0 + outlet), _law(law, max(free, 1.0 / LONGEST))
     flowing = spanned(_over_critical(of_law, wide, middle) >= 1.0 / WINDOW, periodic)
-    throughput, error, unequal, turns = _iterated(np.where(flowing, wide, 0.0), of_law, outlet, periodic, accuracy)
-    (rows, columns), largest = along.shape, float(gap.max())
-    mean = largest / critical * float(np.mean(gap / largest))
-    plates = mean**3 * 0.5 * (1.0 - outlet**2) * columns / rows
-    return GasFlow(throughput / plates, error, free / middle, unequal, turns)
+    (rows, columns), turned = along.shape, axis == 1
+    if start is None:
+        start = np.repeat((1.0 - (1.0 - outlet) * (np.arange(rows) + 0.5) / rows)[:, None], columns, axis=1)
+    else:
+        start = start.T.copy() if turned else start.copy()
+    found = _iterated(np.where(flowing, wide, 0.0), of_law, outlet, periodic, accuracy, start)
+    largest = float(gap.max())
+    plates = (largest / critical * float(np.mean(gap / largest))) ** 3 * 0.5 * (1.0 - outlet**2) * columns / rows
+    pressure = start.T if turned else start
+    return GasFlow(found[0] / plates, found[1], free / middle, *found[2:], pressure)
 
 
-def _iterated(gap: Array, law: Law, outlet: float, periodic: bool, accuracy: float) -> tuple[float, float, float, int]:
-    """Return the throughput along axis 0 times 12 μ, both errors, and iterations; lengths are over the constriction."""
-    rows = gap.shape[0]
-    share = np.repeat((1.0 - (np.arange(rows) + 0.5) / rows)[:, None], gap.shape[1], axis=1)
-    gap_beside, s_outlet = np.roll(gap, -1, axis=1), outlet * (0.5 * outlet + law.beta)
-    drop = 0.5 + law.beta - s_outlet
-    p = _pressures(law, share, s_outlet, drop)
-    beside = np.roll(p, -1, axis=1)
-    down_faces, across_faces = 0.5 * (p[:-1] + p[1:]), 0.5 * (p + beside)
-    before = change = math.nan
+def _iterated(
+    gap: Array, law: Law, outlet: float, periodic: bool, accuracy: float, p: Array
+) -> tuple[float, float, float, int]:
+    """Return the throughput along axis 0 times 12 μ, both errors, and iterations; lengths are over the constriction.
+
+    The pressures ``p`` to start from end as those of the flow.
+    """
+    rows, columns = gap.shape
+    inlet, least = _potentials(law, np.array([[1.0, outlet]]))[0]
+    drop, s, shares = inlet - least, _potentials(law, p), np.full((2, rows, columns), 0.5)
+    linear = not law.kinetic and law.slip == 0.0  # in s: viscous flow
+    before, last = math.nan, 0.0 if linear else math.inf
     for turn in range(1, TURNS + 1):
-        down = np.empty((rows + 1, gap.shape[1]))
-        down[0], down[-1] = _outer(law, p[0], 1.0, gap[0]), _outer(law, p[-1], outlet, gap[-1])
-        down[1:-1] = _inner(law, p[:-1], p[1:], gap[:-1], gap[1:], down_faces)
-        across = _inner(law, p, beside, gap, gap_beside, across_faces)
+        down = np.empty((rows + 1, columns))
+        down[1:] = _inner(law, s, p, gap, 0, shares[0])
+        down[0] = _outer(law, s[0], p[0], inlet, 1.0, gap[0])
+        down[-1] = _outer(law, s[-1], p[-1], least, outlet, gap[-1])
+        across = _inner(law, s, p, gap, 1, shares[1])
         if not periodic:
             across[:, -1] = 0.0
-        flow = flow_through(down, across, INNER * accuracy, share)
-        change, last = abs(flow.dissipation / before - 1.0), change
-        error = CAUTION * np.fmax(change, LAST * last) + flow.error  # a change may be small by chance
+        flow = flow_through(down, across, INNER * accuracy, (s - least) / drop)
+        change = 0.0 if linear else abs(flow.dissipation / before - 1.0)
+        error = CAUTION * max(change, LAST * last) + flow.error  # a change may be small by chance
         if change <= LAST * accuracy and error <= accuracy:
             return flow.dissipation * drop, float(error), flow.conservation_error, turn
-        before, share = flow.dissipation, flow.pressure
-        p = _pressures(law, np.where(gap > 0.0, share, 0.5), s_outlet, drop)
-        beside = np.roll(p, -1, axis=1)
+        before, last = flow.dissipation, change if turn > 1 else last
+        _follow(law, p, s, least + drop * np.clip(np.where(gap > 0.0, flow.pressure, 0.5), 0.0, 1.0))
     message = f"the flow of the gas still changes after {TURNS} iterations"
     raise ConvergenceError(message, indentation=math.nan, iterations=TURNS, residual=math.nan)
-
-
-def _pressures(law: Law, share: Array, s_outlet: float, drop: float) -> Array:
-    """Return p of s, as a share of its drop: 0 at the outlet, 1 at the inlet."""
-    s = s_outlet + drop * np.clip(share, 0.0, 1.0)
-    root = law.beta + np.sqrt(law.beta**2 + 2.0 * s)
-    return np.maximum(2.0 * s / np.where(root > 0.0, root, 1.0), VACUUM)

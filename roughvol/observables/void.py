@@ -169,10 +169,21 @@ def cell_transmissivity(view: View) -> Values:
 
 def gas_flow(view: View) -> Values:
     """Return the flow of the gas over that of viscous flow between plates, and Knudsen numbers."""
+    return _gas_flow(view, view.pressures)
+
+
+def _gas_flow(view: View, pressures: dict[str, Array]) -> Values:
+    """Return the flow of the gas from the ``pressures`` of the state before, which end as those of this state."""
     assert view.case.gas is not None
     sigma = view.case.height or view.surface.unit
     gas = replace(view.case.gas, mean_free_path=view.case.gas.mean_free_path / sigma)
-    flows = _along(conduction_of_gas, view.gap, gas.law, gas.mean_free_path, gas.outlet, **_of_flow(view))
+    flows = []
+    for axis, place in enumerate(AXES):
+        start = pressures.get(f"gas_{place}")
+        flow = conduction_of_gas(view.gap, axis, gas.law, gas.mean_free_path, gas.outlet, start=start, **_of_flow(view))
+        if flow.pressure is not None:
+            pressures[f"gas_{place}"] = flow.pressure
+        flows.append(flow)
     return {
         "gas_transmissivity": [flow.coefficient for flow in flows],
         "gas_transmissivity_error": max(flow.error for flow in flows),
@@ -203,5 +214,5 @@ def flux(view: View) -> Values:
     whole[:, *window(view.case, view.surface.shape)] = [np.hypot(*flow.flux) for flow in flows]
     values: Values = {"flux": whole, "flux_at_transmissivity": [flow.coefficient for flow in flows]}
     if view.case.gas is not None:
-        values["flux_at_gas_transmissivity"] = gas_flow(view)["gas_transmissivity"]
+        values["flux_at_gas_transmissivity"] = _gas_flow(view, {})["gas_transmissivity"]
     return values

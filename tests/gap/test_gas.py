@@ -148,10 +148,30 @@ def test_refused(law, path, outlet):
         conduction_of_gas(np.ones((3, 3)), 0, law, path, outlet)
 
 
-def test_a_share_of_the_drop_beyond_its_ends_is_the_pressure_at_the_end():
-    """The linear problem of a turn is solved to an accuracy, and viscous gas has no pressure for s < 0."""
-    pressures = gas._pressures(gas._law("viscous", 1e-9), np.array([-1e-6, 1.0 + 1e-6]), 0.0, 0.5)
-    assert pressures.tolist() == [gas.VACUUM, 1.0]
+@pytest.mark.parametrize("name", LAWS)
+def test_pressures_follow_the_potentials_of_a_constriction(name):
+    law, p = gas._law(name, 0.3), np.full((1, 5), 0.5)
+    s, (inlet, outlet) = gas._potentials(law, p), gas._potentials(law, np.array([[1.0, 0.0]]))[0]
+    assert (inlet, outlet) == (pytest.approx(plate_flow(name, 1.0, 1.0, 0.0, 0.3), rel=1e-12), 0.0)
+    towards = inlet * np.array([[0.0, 1e-9, 0.1, 0.9, 1.0]])
+    for _ in range(20):
+        gas._follow(law, p, s, towards)
+    assert p[0, 0] == pytest.approx(gas.VACUUM, rel=1e-6)  # conductances for s stay finite
+    assert_allclose(s[:, 1:], towards[:, 1:], rtol=1e-12)
+    assert_allclose(gas._potentials(law, p), s, rtol=1e-12)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_flow_from_the_pressures_of_another_gap_is_the_same_in_fewer_turns(law, axis):
+    gap, before = rough(0.25, 1, D=2.4), rough(0.248, 1, D=2.4)
+    through = partial(gas.conduction_of_gas, axis=axis, law=law, path=0.1, outlet=0.0, accuracy=1e-6)
+    start, alone = through(before).pressure, through(gap)
+    kept, found = start.copy(), through(gap, start=start)
+    assert abs(found.coefficient / alone.coefficient - 1.0) <= found.error + alone.error
+    assert_allclose(found.pressure[gap > 0], alone.pressure[gap > 0], atol=1e-4)
+    assert found.turns < alone.turns or law == "viscous"
+    np.testing.assert_array_equal(start, kept)
 
 
 def test_the_shortest_mean_free_path_has_viscous_flow():

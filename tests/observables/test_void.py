@@ -126,3 +126,23 @@ def test_the_corrected_medium_is_nearer_to_the_flow_than_that_of_bruggeman_beyon
                 errors += list(np.abs(np.log(run[f"estimate_{name}_transmissivity"].values[both] / flow[both])))
     assert len(off["medium"]) > 20
     assert np.median(off["corrected"]) < 0.8 * np.median(off["medium"])
+
+
+def test_the_flow_of_a_gas_starts_from_the_state_before_and_that_of_its_flux_from_none(monkeypatch):
+    starts, flows, solved = [], [], void.conduction_of_gas
+
+    def recorded(*of, start, **options):
+        starts.append(start)
+        flows.append(solved(*of, start=start, **options))
+        return flows[-1]
+
+    monkeypatch.setattr(void, "conduction_of_gas", recorded)
+    run_case(
+        case_of(
+            "sweep: {steps: 3, to: {indentation: 2}}\nfluid: {gas: helium, inlet: 1 bar, outlet: 0 bar}\n"
+            "record: {transport: {gas_flow: every-step, flux_at: {step: 2}}}",
+            "surface: {D: 2.4, m: 4, seeds: [7], L: 3.0 um}\n",
+        )
+    )
+    x = [start if start is None else [flow.pressure is start for flow in flows[::2]] for start in starts[::2]]
+    assert x == [None, [True, False, False, False], None, [False, True, False, False]]
