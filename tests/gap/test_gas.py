@@ -11,9 +11,10 @@ from scipy import integrate
 
 from roughvol.errors import ContactError
 from roughvol.gap import gas
+from roughvol.gap.constriction import constriction
 from roughvol.gap.gas import LAWS, kinetic_flow_rate, kinetic_integral, local_flow, plate_flow
 from roughvol.gap.transport import conduction
-from tests.gap.kit import rough
+from tests.gap.kit import any_gap, rough
 
 GAP = rough(0.2, 3)
 conduction_of_gas = partial(gas.conduction_of_gas, accuracy=1e-10)
@@ -138,6 +139,21 @@ def test_a_throughput_is_within_its_stated_error(law, path, outlet, seed):
         found = gas.conduction_of_gas(gap, 0, law, path, outlet, accuracy=accuracy)
         assert found.error <= accuracy
         assert abs(found.coefficient / exact - 1.0) <= found.error + 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(100))
+def test_throughputs_of_random_gaps_are_within_their_stated_errors_from_any_pressures(seed):
+    (gap, axis, periodic), random = any_gap(seed), np.random.default_rng(seed)
+    critical = constriction(gap, axis, periodic=periodic).gap
+    of = random.choice(LAWS), 10 ** random.uniform(-2.5, 2.0) * (critical or 1.0), random.choice([0.0, 0.3, 0.9])
+    through = partial(gas.conduction_of_gas, axis=axis, law=of[0], path=of[1], outlet=of[2], periodic=periodic)
+    exact = through(gap, accuracy=1e-9).coefficient
+    beside = through(gap * (1.0 + 0.02 * random.random(gap.shape)), accuracy=1e-3).pressure
+    for accuracy, start in itertools.product((1e-2, 1e-4, 1e-6), (None, beside)):
+        found = through(gap, accuracy=accuracy, start=start)
+        assert found.error <= accuracy
+        assert abs(found.coefficient - exact) <= (found.error + 1e-9) * exact
 
 
 @pytest.mark.parametrize(
