@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from roughvol.errors import SurfaceError
 from roughvol.gap import clusters, quick_estimates, transport
-from roughvol.gap.gas import conduction_of_gas
+from roughvol.gap.gas import GasFlow, conduction_of_gas
 from roughvol.gap.perimeter import contact_perimeter
 from roughvol.observables.regions import State, Values, View, is_period, window
 from roughvol.observables.requests import flow_accuracy
@@ -140,19 +139,27 @@ def of_quadrants(case: Case, surface: Surface) -> Values:
 
 
 def _conduction(name: str, view: View) -> Values:
-    flows = []
-    for axis, place in enumerate(AXES):
-        start = view.pressures.get(f"{name}_{place}")
+    def solved(axis: int, start: Array | None) -> transport.Conduction:
         known: dict[str, Any] = {"start": start, "critical": view.narrowest[axis].gap}
-        flow = transport.conduction(view.gap, axis, EXPONENTS[name], **known, **_of_flow(view))
-        if flow.pressure is not None:
-            view.pressures[f"{name}_{place}"] = flow.pressure
-        flows.append(flow)
+        return transport.conduction(view.gap, axis, EXPONENTS[name], **known, **_of_flow(view))
+
+    flows = _followed(name, view.pressures, solved)
     return {
         name: [flow.coefficient for flow in flows],
         f"{name}_error": max(flow.error for flow in flows),
         f"{name}_conservation_error": max(flow.conservation_error for flow in flows),
     }
+
+
+def _followed(name: str, pressures: dict[str, Array], solved: Callable[[int, Array | None], Any]) -> list[Any]:
+    """Return the flows along x and y from the ``pressures`` of the state before, which end as those of this state."""
+    flows = []
+    for axis, place in enumerate(AXES):
+        flow = solved(axis, pressures.get(f"{name}_{place}"))
+        if flow.pressure is not None:
+            pressures[f"{name}_{place}"] = flow.pressure
+        flows.append(flow)
+    return flows
 
 
 def _of_flow(view: View) -> dict[str, Any]:
@@ -173,17 +180,14 @@ def gas_flow(view: View) -> Values:
 
 
 def _gas_flow(view: View, pressures: dict[str, Array]) -> Values:
-    """Return the flow of the gas from the ``pressures`` of the state before, which end as those of this state."""
     assert view.case.gas is not None
-    sigma = view.case.height or view.surface.unit
-    gas = replace(view.case.gas, mean_free_path=view.case.gas.mean_free_path / sigma)
-    flows = []
-    for axis, place in enumerate(AXES):
-        start = pressures.get(f"gas_{place}")
-        flow = conduction_of_gas(view.gap, axis, gas.law, gas.mean_free_path, gas.outlet, start=start, **_of_flow(view))
-        if flow.pressure is not None:
-            pressures[f"gas_{place}"] = flow.pressure
-        flows.append(flow)
+    gas, sigma = view.case.gas, view.case.height or view.surface.unit
+    of_gas = gas.law, gas.mean_free_path / sigma, gas.outlet
+
+    def solved(axis: int, start: Array | None) -> GasFlow:
+        return conduction_of_gas(view.gap, axis, *of_gas, start=start, **_of_flow(view))
+
+    flows = _followed("gas", pressures, solved)
     return {
         "gas_transmissivity": [flow.coefficient for flow in flows],
         "gas_transmissivity_error": max(flow.error for flow in flows),
