@@ -58,7 +58,7 @@ UNUSED = (  # by command; a row is one process, in which later commands may impo
     },
     {
         "check leaking.yaml": "xarray scipy.optimize scipy.interpolate scipy.ndimage dask matplotlib",
-        "run small.yaml": "matplotlib scipy.stats distributed",
+        "run small.yaml": "pint matplotlib scipy.stats distributed",
     },
 )
 

@@ -50,7 +50,8 @@ SMALL = 1 << 20  # bytes of values up to which the file of a case is netCDF-3
 
 def build(case: Case, values: Mapping[str, ArrayLike], attributes: Mapping[str, str]) -> Dataset:
     """Return the labelled dataset of one case, from values by stored name without the dimensions of the case."""
-    arrays = small_file.arrays_of_case(case, values)
+    arrays: dict[str, Any] = dict(small_file.arrays_of_case(case, values))
+    arrays |= {name: (name, _index(labels)) for name, (along, labels) in arrays.items() if along == (name,)}
     return _described(Dataset(arrays, attrs=dict(attributes)))  # at once: each one added alone takes a millisecond
 
 
@@ -81,7 +82,7 @@ def combine(cases: Sequence[Dataset | Arrays], attributes: Mapping[str, str]) ->
             if along not in slots:
                 slots[along] = np.ix_(*(index[dim] for dim in along))
             wholes[name][1][slots[along]] = values
-    coords = {"L": sides[0]} | {dim: (dim, labels) for dim, labels in dims.items()}
+    coords = {"L": sides[0]} | {dim: (dim, _index(labels)) for dim, labels in dims.items()}
     return _described(Dataset({name: wholes[name] for name in names if name in wholes}, coords, attributes))
 
 
@@ -197,11 +198,14 @@ def _opened(content: bytes) -> Dataset:
 
 
 def _indexed(dataset: Dataset) -> Dataset:
-    """Return a dataset with the indexes of its dimensions, of pandas: to make them of arrays, xarray imports pint."""
+    """Return a dataset with the indexes of its dimensions."""
     labels = {str(dim): dataset.variables[dim] for dim in dataset.dims if dim in dataset.variables}
-    kinds = {name: object if row.dtype.kind == "O" else None for name, row in labels.items()}
-    indexes = {name: pd.Index(row.values, dtype=kinds[name]) for name, row in labels.items()}
-    return dataset.assign_coords({n: (n, indexes[n], row.attrs, row.encoding) for n, row in labels.items()})
+    return dataset.assign_coords({n: (n, _index(row.values), row.attrs, row.encoding) for n, row in labels.items()})
+
+
+def _index(labels: NDArray[Any]) -> pd.Index:
+    """Return the index of a dimension, of pandas: to make it of an array, xarray imports pint."""
+    return pd.Index(labels, dtype=object if labels.dtype.kind == "O" else None)
 
 
 def read_arrays(path: Path) -> tuple[Arrays, dict[str, str], stamped_file.Labels]:
