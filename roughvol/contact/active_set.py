@@ -144,7 +144,8 @@ def _project(problem: Problem, elements: Index, q: Array, w: Array, single: bool
 def _factorised(problem: Problem, indentation: float, start: Start) -> Array | None:
     """Return the pressures of few elements, by Cholesky factorisations, or None if the contact set goes in circles.
 
-    Elements above the limit are set to it, and freed where a gap opens. Circles need a limit, or K⁻¹ no M-matrix.
+    None too if rounding leaves K not positive definite. Elements above the limit are set to it, and freed where a gap
+    opens. Circles need a limit, or K⁻¹ no M-matrix.
     """
     elements, limit = start.candidates, problem.law.limit
     matrix = problem.half_space.between(elements)
@@ -157,9 +158,10 @@ def _factorised(problem: Problem, indentation: float, start: Start) -> Array | N
         q[yielded] = limit
         if index.size:
             block = matrix if index.size == b.size else matrix[np.ix_(index, index)]
-            factor = linalg.cho_factor(block, lower=True, check_finite=False)
             right = b[index] - limit * matrix[np.ix_(index, yielded)].sum(axis=1) if yielded.any() else b[index]
-            q[index] = linalg.cho_solve(factor, right, check_finite=False)
+            _, q[index], fault = linalg.lapack.dposv(block, right, lower=True)  # quicker than cho_factor
+            if fault:
+                return None
         tensile, over = q < -TENSILE * q.max(initial=0.0), active & (q > limit)
         if tensile.any() or over.any():
             active &= ~(tensile | over)
