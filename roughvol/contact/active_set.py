@@ -163,8 +163,8 @@ def _factorised(problem: Problem, indentation: float, start: Start) -> Array | N
             if fault:
                 return None
         tensile, over = q < -TENSILE * q.max(initial=0.0), active & (q > limit)
-        if tensile.any() or over.any():
-            active &= ~(tensile | over)
+        if (leaves := tensile | over).any():
+            active &= ~leaves
             yielded |= over
             continue
         w = matrix @ q - b
