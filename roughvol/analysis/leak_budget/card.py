@@ -84,7 +84,7 @@ def card_of(runs: Sequence[CardRuns], name: str, load: str) -> Card:
     of_solver = partial(solver_part_of_load, fine), partial(solver_part, fine)
     sources: list[Source] = [of_solver, of_grid, (partial(window_part_of_load, fine), partial(window_part, fine))]
     if len(levels) == len(runs):
-        _, before = comparable([of_file.before_levelling for of_file in runs], fine)
+        before = coarser[0][1] if coarser else comparable([of_file.before_levelling for of_file in runs], fine)[1]
         levelled = Levelled(levels[0].words, before, comparable(levels, fine)[1])
         sources.append((partial(levelling_part_of_load, levelled), partial(levelling_part, fine, levelled)))
     elif no_levelled := next(filter(None, (of_file.no_levelled for of_file in runs)), ""):

@@ -88,7 +88,8 @@ def every_family(ds: Dataset, *variables: str, by: str = "D") -> tuple[list[Fami
     differing = [dim for dim in dims if len({place[dim] for place in places}) > 1] or [by]
     members = []
     for place, look in zip(places, looks(len(places)), strict=True):
-        data = ds.isel(place | {"seed": np.flatnonzero(mask[tuple(place.values())])})
+        seeds = mask[tuple(place.values())]
+        data = ds.isel(place | ({} if seeds.all() else {"seed": np.flatnonzero(seeds)}))  # a list copies all fields
         if measured:
             members.append(Family(file_text(data["case"].item()), float(place["case"]), look, data))
         else:
