@@ -23,6 +23,7 @@ With λ(0) the inverse of the Love operator is an M-matrix (test_kernels), and d
 stands. The inverse of the operator of a layer is none: its surface bulges beside a pressed element.
 """
 
+import functools
 import itertools
 import math
 from collections.abc import Callable
@@ -261,6 +262,7 @@ def _far_part(row: Array, column: Array, kernel: Kernel) -> Array:
     return total
 
 
+@functools.cache
 def _near_part() -> Array:
     """Return the displacement by a unit element under erfc(r/2)/r: Love's, less a smooth integral. Offsets ≥ 0."""
     offset = np.arange(_NEAR + 1.0)

@@ -88,6 +88,8 @@ def labels(case: Case, surface: Surface) -> Values:
 
 def register(record: Record, ensemble: Ensemble | None = None) -> None:
     """Put the rows of the quantities of a study, and of their means, into the table of variables, or refuse them."""
+    if not _of(record):
+        return
     averaged = ensemble.accuracy.own if ensemble is not None else []
     known: dict[str, list[float]] = {}
     stored = [variable for variable, row in QUANTITIES.items() if row.observable != OBSERVABLE]
