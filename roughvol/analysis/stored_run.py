@@ -49,7 +49,7 @@ def _foreign(dataset: Dataset, study: Study) -> str:
     dims = dataset["mean_pressure"].dims if "mean_pressure" in dataset else ()
     if foreign := [str(dim) for dim in dims if dim not in known]:
         return f"a dimension {foreign[0]}"
-    for key in (surface, "D", "m"):
+    for key in (surface, "D", "m", "step"):
         counts = Counter(np.ravel(dataset[key]).tolist() if key in dataset.coords else [])
         if twice := [f"{key} = {label} twice" for label, count in counts.items() if count > 1]:
             return twice[0]
@@ -86,6 +86,8 @@ class Run:
         labels = (*(axis.name for axis in study.axes), "L", surface, *map(str, dataset.dims))
         if lost := [label for label in labels if label not in dataset.coords]:
             raise DatasetError(f"{name} has lost its label of {lost[0]}; allowed: a choice without drop=True")
+        if "step" in dataset.indexes and not dataset.indexes["step"].is_monotonic_increasing:
+            raise DatasetError(f"{name} has its steps in another order; allowed: ascending, as ds.sortby('step')")
         return cls(name, dataset, study)
 
     @property

@@ -111,6 +111,8 @@ def whole(results: Dataset) -> Dataset:
             raise DatasetError(f"the dataset has {name} {label} alone; allowed: {kept}")
     full = widened(results)
     if "mean_pressure" in full and "step" in full.dims:
+        if "units" not in full["mean_pressure"].attrs:
+            raise DatasetError("the dataset has lost its units; allowed: with xarray.set_options(keep_attrs=True)")
         if "Sq" in full and "step" in full["Sq"].dims:
             raise DatasetError("the dataset has Sq along step, as after ds.where; allowed: the dimensions of a run")
         surface = next((name for name in ("case", "seed") if name in full.dims), None)

@@ -226,6 +226,9 @@ def test_what_is_derived_twice_stays_under_fluid_pressure() -> None:
         (lambda ds: ds.isel(step=[]), "has no step;"),
         (lambda ds: ds[["mean_pressure"]], "has no Sq"),
         (lambda ds: ds.drop_vars("step"), "lost its label of step"),
+        (lambda ds: ds.drop_attrs(), "has lost its units"),
+        (lambda ds: ds.sortby("step", ascending=False), "has its steps in another order"),
+        (lambda ds: xr.concat([ds, ds], "step", data_vars="minimal"), "has step = 1 twice"),
         (
             lambda ds: xr.concat([ds, ds.assign_coords(seed=[7, 8])], "seed"),
             "has seed = 7, which its study does not name",

@@ -434,7 +434,7 @@ def test_the_larger_leak_at_a_leak_rate_is_this_rate(smaller: float, order: int)
     ds = roughvol.open("seal").isel(seed=[0], step=[0, 1])
     ds["leak_rate"][...] = np.array([[1e-6, 5e-7], [smaller, 1e-8]])
     for rate in (2e-8, 1e-7, 4e-7):
-        found = ds.isel(step=[0, 1][::order]).roughvol.at(f"leak_rate={rate} mm^3/s")
+        found = ds.isel(step=[0, 1][::order]).assign_coords(step=ds.step).roughvol.at(f"leak_rate={rate} mm^3/s")
         assert_allclose(found.leak_rate.max("axis"), rate, rtol=1e-9)
 
 
