@@ -165,6 +165,7 @@ class HalfSpace:
 
     def displacement(self, pressure: Array) -> Array:
         """Return u = K ∗ p (rows, columns) on every element, by one convolution."""
+        pressure = np.asarray(pressure)
         if pressure.shape != self.shape:
             raise ContactError(f"pressure has shape {pressure.shape}; the half space has {self.shape}")
         displacement: Array = self.displacement_at(np.arange(pressure.size), pressure.ravel())

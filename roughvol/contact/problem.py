@@ -37,6 +37,8 @@ class Problem:
     """
 
     def __init__(self, surface: Surface, half_space: Compliance, options: Options = DEFAULT) -> None:
+        if not isinstance(surface, Surface):
+            raise ContactError(f"the surface is of the type {type(surface).__name__}; allowed: a Surface")
         if surface.shape != half_space.shape:
             raise ContactError(f"the surface has shape {surface.shape}, the half space {half_space.shape}")
         if surface.sides != half_space.sides:

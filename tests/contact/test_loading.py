@@ -340,6 +340,7 @@ test_refused = refusals(
     (flawed(precision="half"), r"'half'.*mixed, double"),
     (flawed(pressure_error=0.2), r"pressure_error is 0.2.*<= 0.1"),
     *((flawed(at=at), rf"indentation is {at}.*finite") for at in (math.nan, math.inf, -math.inf)),
+    (flawed(np.zeros((9, 9))), r"the surface is of the type ndarray; allowed: a Surface"),
     (flawed(space=(9, 10)), r"\(9, 9\).*\(9, 10\)"),
     (flawed(kit.fractal(3, sides="periodic"), (8, 8)), "the surface is periodic, the half space free"),
     (flawed(kit.fractal(7), (129, 129), method="paper"), r"65.*\(129, 129\)"),
