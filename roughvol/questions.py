@@ -128,8 +128,9 @@ class ReadOff:
     narrower: tuple[str, ...]  # changes of the study that solve states around the answers
 
     def command(self) -> str:
-        """Return the command that narrows the interval, empty without one, and of a dataset saved by itself."""
-        if not self.narrower or (self.run.file.exists() and not self.run.has_study):
+        """Return the command that narrows the interval, empty without one, and of a dataset that no stored run has."""
+        stored = self.run.has_study or (not self.run.file.exists() and stored_run.is_run(self.run.name))
+        if not self.narrower or not stored:
             return ""
         changes = shlex.join(word for change in self.narrower for word in ("--set", change))
         return f"roughvol run {self.run.call} {changes}"
