@@ -231,7 +231,9 @@ def _several(run: Dataset, names: Sequence[str]) -> str:
     name, study = names[0], study_in(run)
     axis = next((listed for listed in (study.axes if study else ()) if listed.name == name), Axis(name, ()))
     held = ", ".join(axis.words(value).removeprefix(f"{name} = ") for value in run[name].values.tolist())
-    message = f"the run has several {name} ({held}); allowed: surfaces of one kind at one value of each key"
+    labels = ", ".join(f"{one}={run[one].values.tolist()[0]!r}" for one in names)
+    one_kind = f"surfaces of one kind at one value of each key, in Python ds.sel({labels})"
+    message = f"the run has several {name} ({held}); allowed: {one_kind}"
     known = choices(study) if study else {}
     if not known.keys() >= set(names):  # a run of several D or m has none of one alone
         if study is not None and study.ensemble is None:

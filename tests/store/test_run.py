@@ -137,6 +137,8 @@ def test_the_refusal_of_a_run_with_lists_has_the_changes_that_open_a_part(many: 
         assert roughvol.open("many", changes=shlex.split(second)).nbytes < roughvol.open("many").nbytes
     chosen = [word for first, _ in keys for word in shlex.split(first)]
     assert len(roughvol.ask("many", changes=chosen[1::2]).answers) == 2
+    labels = eval(f"dict({message.partition('in Python ds.sel(')[2].partition(');')[0]})")
+    assert len(roughvol.ask(roughvol.open("many").sel(labels)).answers) == 2
 
 
 @pytest.mark.parametrize(
