@@ -163,6 +163,9 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
             raise
         words = f"{file}: a height map, no run: roughvol init {_word(file)} writes a study for it"
         raise DatasetError(words) from error
+    if "case_id" in results.attrs:  # without surface.Sq, and with the modulus of the run that computed the case first
+        words = "the file of one case, as generated, without the scale and the units of its study"
+        raise DatasetError(f"{file}: {words}; allowed: its run, by folder, study.nc or name")
     labels: dict[str, list[Label]] = {}
     if given is not None:
         given, labels = _of_results(results, given)

@@ -343,6 +343,11 @@ def test_a_copied_study_nc_opens_in_a_folder_of_its_own(place: Path) -> None:
     assert [StoredRun.open(run).name for run in ("elsewhere", "elsewhere/kept.nc")] == ["elsewhere", "kept"]
 
 
+def test_the_file_of_a_case_is_no_run(place: Path) -> None:
+    (case,) = Path("runs/tiny/cases").glob("*.nc")
+    assert "the file of one case" in refused("show", str(case))
+
+
 def test_a_run_by_name_with_another_name_is_the_run_of_that_name(place: Path) -> None:
     changes = ["--set", "surface.m=3", "--set", "name=coarse"]
     assert said("run", "tiny", *changes, "--jobs", "1").endswith("runs/coarse/study.nc\n")
