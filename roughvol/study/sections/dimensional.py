@@ -75,7 +75,7 @@ class FluidPressure(Strict):
         if (unit_of(self.inlet) is None) != (unit_of(self.outlet) is None) and self.outlet != 0.0:
             refuse("inlet and outlet: give both with a unit, or none")
         if in_unit(self.outlet, unit_of(self.inlet)) >= self.inlet:
-            refuse("the outlet must be below the inlet")
+            refuse(f"inlet must be above outlet, given {self.inlet} and {self.outlet}")
         return self
 
     @property
