@@ -265,7 +265,7 @@ def _pressed(study: Study, region: str) -> list[tuple[str, str]]:
     """Return material, sweep and solver of a study; texts that do not apply are empty."""
     material, sweep, seal = study.material, study.sweep, study.seal
     unit = f" {material.unit}" if material.unit else ""
-    leaks = "Q is the leak of the patch, Q_seal that of the seal"
+    leaks = "leaks along x and y are those of the patch, leaks named seal those of the seal"
     if study.record.fluid_pressure is not None:
         leaks += f", known of a seal as wide as a patch alone: {IN_A_ROW}"
     hardness, solver = "", ""

@@ -530,7 +530,7 @@ def test_a_fluid_pressure_that_differs_from_patch_to_patch_is_refused(here: Path
     assert unknown in ran("lifted", text)
     assert unknown in said("show", "lifted", "--at", AT)
     report = " ".join(said("report", "lifted").split())
-    assert "Q_seal that of the seal, known of a seal as wide as a patch alone" in report
+    assert "leaks named seal those of the seal, known of a seal as wide as a patch alone" in report
     shown = said("show", "lifted")
     assert "Q_seal" not in shown
     assert unknown in shown
