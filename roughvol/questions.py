@@ -30,7 +30,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from roughvol.errors import DatasetError, Problem, StudyError, question
+from roughvol.errors import DatasetError, FolderError, Problem, StudyError, question
 from roughvol.observables.variables import MEAN_ENDS, QUANTITIES, Variable, columns_of, named_by, with_means
 from roughvol.store import Status, StoredRun, folder_of, run_status
 from roughvol.store import run as stored_run
@@ -259,8 +259,13 @@ def _card_at(run: StoredRun, load: str, jobs: int | None) -> Card:
         raise refused("the budget of the error takes runs of the study; allowed: a study file, or the name of a run")
     leg = ", leg 1" if read_off.path_words(run.dataset) else ""
     folder = run.folder.with_name(f"{run.name}_card") / run.pages.relative_to(run.folder)
-    cards = card(run.study, f"{load}{leg}", out=folder, jobs=jobs)
-    return cards.cards[""]
+    try:
+        return card(run.study, f"{load}{leg}", out=folder, jobs=jobs).cards[""]
+    except FolderError as error:
+        differences = str(error).rpartition("\n")[0]  # without the options of a card
+        if not differences:  # in use
+            raise
+        raise FolderError(f"{differences}\nto compute the budget anew, move {folder} away") from error
 
 
 def _leak(text: str, unit: str, kelvin: float | None, of_gas: str) -> tuple[float, str]:

@@ -137,6 +137,8 @@ def test_a_budget_is_of_the_height_file_of_the_run(monkeypatch: pytest.MonkeyPat
     assert "errors of the closing load" in said("ask", "scans/map.yaml", *words)
     monkeypatch.chdir("scans")
     assert "errors of the closing load" in said("ask", "../runs/map", *words)
+    said("run", "../runs/map", "--set", "material.E=99 MPa", "--out", "../runs/map", "--fresh", "--jobs", "1")
+    assert "to compute the budget anew, move ../runs/map_card away" in refused("ask", "../runs/map", *words)
     np.save("map.npy", np.load("map.npy")[::-1])
     assert "the content of map.npy has changed" in refused("ask", "../runs/map", *words)
 
