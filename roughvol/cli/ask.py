@@ -151,7 +151,8 @@ def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
     closes = ", where the last way closes" if answer.nominal.closing else ""
     if closes and answer.budget is None and answer.nominal.low < answer.steps[0]:
         steps = ""  # a seal closes between the steps of several patches
-    if closes and not closed and answer.budget is None:
+    by_itself = math.isclose(answer.nominal.high, answer.steps[1])  # no other surface ends the interval
+    if closes and not closed and answer.budget is None and by_itself:
         # the patches of a seal are between two of their steps, so the interval may begin before the step of the seal
         begins = math.isclose(answer.nominal.low, answer.steps[0], rel_tol=1e-6)
         open_, closed_ = ("", "") if of_pressure else (f", {first},", f", {last}")  # the ends of the interval

@@ -497,6 +497,22 @@ def test_a_solved_closing_load_ends_the_reading(tmp_path: Path) -> None:
     assert "where the last way closes" in said("ask", folder, "--leak-rate", "1e-30 mm^3/s", "--budget", "--jobs", "1")
 
 
+def test_an_interval_that_another_surface_ends_is_not_said_to_end_at_the_closing(tmp_path: Path) -> None:
+    text = """
+surface: {D: 2.2, m: 4, L: 100 um, Sq: 0.5 um, seeds: [0, 3]}
+material: {E_star: 10 MPa}
+sweep: {steps: 4, to: percolation}
+record:
+  transport: {transmissivity: every-step, closing: true}
+  dimensional: {leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s}}
+"""
+    x = roughvol.ask(roughvol.run(loads(text), jobs=1, out=tmp_path), leak_rate="1e-8 mm^3/s").answers[0]
+    assert (x.nominal.closing, x.surface) == (True, "seed 3")
+    assert x.high > 1.1 * x.value  # of seed 0
+    words = "along x: pressure 0.098 MPa (0.077 to 0.12), where the last way closes, between the known loads"
+    assert words in said("ask", tmp_path, "--leak-rate", "1e-8 mm^3/s")
+
+
 def test_a_solved_closing_load_needs_no_record_of_the_ways(tmp_path: Path) -> None:
     """A way without a solved closing load is open at the last step, as a surface that yields may have."""
     text = """
