@@ -257,13 +257,16 @@ def test_bad_heights_are_refused_and_nothing_is_written(here: Path) -> None:
 
 
 @pytest.mark.usefixtures("here")
-def test_an_interrupted_command_that_stores_nothing_promises_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    def stopped(name: str) -> None:
+def test_an_interrupted_command_promises_what_it_stores(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(*given: object, **options: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(roughvol, "explain", stopped)
+    monkeypatch.setattr(roughvol, "card", stopped)
     done = call("explain", "D")
     assert (done.exit_code, done.stderr) == (130, "interrupted\n")
+    assert "kept, and the same command continues the run" in call("card", "seal.yaml").stderr
+    assert "kept, and the same command without --fresh continues" in call("card", "seal.yaml", "--fresh").stderr
 
 
 @pytest.mark.usefixtures("here")

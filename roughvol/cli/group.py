@@ -104,7 +104,8 @@ class _Commands(click.Group):
                 return super().invoke(ctx)
         except KeyboardInterrupt as error:
             stored = ctx.invoked_subcommand in CONTINUED
-            goes_on = "; finished cases are kept, and the same command continues the run" if stored else ""
+            same = f"the same command{' without --fresh' * ('--fresh' in words)}"
+            goes_on = f"; finished cases are kept, and {same} continues the run" if stored else ""
             say(f"interrupted{goes_on}", err=True)
             ctx.exit(BY_SIGNAL + signals.number_of(error))
         except click.UsageError as error:
