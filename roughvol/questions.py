@@ -537,8 +537,8 @@ def show(run: Dataset | StoredRun | str | Path | None = None, at: Loads = (), *,
     Returns
     -------
     Records
-        ``names``, ``rows`` and ``units``; ``frame()`` is a DataFrame of pandas. Combinations of lists and groups of
-        surfaces that do not reach a load have no row there; a `RoughvolWarning` names them.
+        ``names``, ``rows`` and ``units``; ``frame()`` is a DataFrame of pandas. Combinations of lists and surfaces
+        that do not reach a load have no row there; a `RoughvolWarning` has their names or their number.
 
     Raises
     ------

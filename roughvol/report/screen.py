@@ -195,6 +195,10 @@ def records(run: Run, levels: Sequence[Level] = ()) -> Records:
     named = [(part, _named(part, common, steps=True, recorded=bool(levels))) for part in run.parts]
     rows, absent = list[dict[str, Any]](), list[str]()
     states = [row for level in levels for row in _reaching(named, level, absent)]
+    for of, name, state in states:
+        if beyond := state.surfaces - state.data.sizes["seed"]:
+            counts = f"{beyond} of {state.surfaces} surfaces"
+            absent.append(f"{_full(of, name)}: {counts} do not reach {state.label}, and have no row.")
     every: list[list[tuple[State, Columns]]]
     for own, (part, some) in zip(labels, named, strict=True):
         if levels:
