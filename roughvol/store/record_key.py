@@ -11,6 +11,8 @@ def record_key(variable: str) -> str:
 
     The variable is in the table or follows from a variable of the table.
     """
+    if variable == "contact_conductance":  # made of the conductivities where it is read
+        return "material.conductivity"
     name = variable.replace("_dry", "") if variable.endswith("_dry") else variable
     row = QUANTITIES.get(name)
     observable = OBSERVABLES.get(row.observable if row is not None and row.observable else name)

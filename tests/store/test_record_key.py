@@ -25,6 +25,7 @@ def test_every_key_is_one_of_a_study_file() -> None:
         ("gap", "record.fields_at"),
         ("heights", "record.heights"),
         ("rms_slope", "record.psd"),
+        ("contact_conductance", "material.conductivity"),
         ("mean_pressure", ""),
         ("separation", ""),
     ],
