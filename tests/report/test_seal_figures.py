@@ -93,10 +93,11 @@ def test_surfaces_without_a_curve_have_a_figure(name: str, flow: str, change: Ca
     assert shown(FIGURES[name](several.assign({flow: change(several)})), layout=False) > 1
 
 
-def test_a_surface_in_full_contact_at_every_state_is_drawn(tmp_path: Path) -> None:
-    text = TEXT.replace("{steps: 8, to: percolation}", "{steps: 1}")
+@pytest.mark.parametrize(("steps", "at"), [(1, "every-step"), (2, "last")])
+def test_a_surface_in_full_contact_at_every_state_with_a_flow_is_drawn(steps: int, at: str, tmp_path: Path) -> None:
+    text = TEXT.replace("{steps: 8, to: percolation}", f"{{steps: {steps}}}")
     text = text.replace("D: [2.2, 2.5], m: 4, seeds: 3", "D: 2.2, m: 3, sides: mirrored, seeds: 1")
-    record = "record: {transport: {percolation: every-step, transmissivity: every-step}}"
+    record = f"record: {{transport: {{percolation: {at}, transmissivity: {at}}}}}"
     ds = roughvol.run(loads(text[: text.index("record:")] + record), out=tmp_path, jobs=1)
     for name in ("seal_percolation", "seal_transmissivity"):
         shown(FIGURES[name](ds), layout=False)

@@ -56,7 +56,7 @@ def _panels(ds: Dataset, rows: int, *names: str) -> tuple[Drawing, Any, list[Fam
     axes = fig.subplots(rows, 3, sharex="col", sharey="row", squeeze=False)
     for ax, x in zip(axes[-1], (P, A, V), strict=True):
         ax.set_xlabel(LABELS[x])
-    if bool((ds[V] > 0.0).any()):
+    if bool((ds[V].where(ds[names[-1]].notnull()) > 0.0).any()):
         axes[0, 2].set_xscale("log")  # most of the closing happens below V* = 0.3
         for ax in axes[:, 2]:
             plain_ticks(ax.xaxis)
