@@ -106,7 +106,7 @@ def groups(ds: Dataset) -> Iterator[tuple[str, Dataset]]:
         for place, label in enumerate(ds["case"].values.tolist()):
             yield str(label), ds.isel(case=place).expand_dims("seed")
         return
-    solved = ds[P].notnull().any("step").transpose("D", "m", "seed").values
+    solved = ~np.isnan(ds.variables[P].transpose("D", "m", "seed", "step").values).all(axis=-1)
     for i, D in enumerate(ds["D"].values):
         for j, m in enumerate(ds["m"].values):
             if solved[i, j].any():

@@ -10,7 +10,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Self, TypeVar
 
-import numpy as np
 from xarray import DataArray, Dataset
 
 from roughvol.errors import DatasetError
@@ -49,21 +48,21 @@ def _foreign(dataset: Dataset, study: Study) -> str:
     dims = dataset["mean_pressure"].dims if "mean_pressure" in dataset else ()
     if foreign := [str(dim) for dim in dims if dim not in known]:
         return f"a dimension {foreign[0]}"
-    for key in (surface, "D", "m", "step"):
-        counts = Counter(np.ravel(dataset[key]).tolist() if key in dataset.coords else [])
-        if twice := [f"{key} = {label} twice" for label, count in counts.items() if count > 1]:
+    keys = [key for key in (surface, "D", "m", "step") if key in dataset.coords]
+    labels = {key: dataset.variables[key].values.ravel().tolist() for key in keys}
+    for key, own in labels.items():
+        if twice := [f"{key} = {label} twice" for label, count in Counter(own).items() if count > 1]:
             return twice[0]
     if isinstance(study.surface, HeightFile):
         files = {Path(file).name for file in study.surface.files or (study.surface.file,)}
-        cases = [str(label) for label in np.ravel(dataset["case"])] if "case" in dataset.coords else []
+        cases = [str(label) for label in labels.get("case", ())]
         first = tuple(f"{file} against " for file in files)  # of two bodies
         others = (label for label in cases if label not in files and not label.startswith(first))
         return next((f"case = {label}" for label in others), "")
     if not isinstance(study.surface, MadeSurface) or study.ensemble is not None:
         return ""
     named = {"D": study.surface.dimensions, "m": study.surface.m, "seed": study.surface.seeds}
-    every = ((key, label) for key in named if key in dataset.coords for label in np.ravel(dataset[key]).tolist())
-    strange = ((key, label) for key, label in every if label not in named[key])
+    strange = ((key, label) for key in named for label in labels.get(key, ()) if label not in named[key])
     return next((f"{key} = {label if isinstance(label, str) else f'{label:g}'}" for key, label in strange), "")
 
 
