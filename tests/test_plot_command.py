@@ -254,6 +254,18 @@ def test_a_figure_says_which_gap_it_shows_and_of_what_its_points_are() -> None:
     assert "median of 2 surfaces" in titles["leaking"]
 
 
+def test_a_leak_under_fluid_pressure_is_drawn_at_its_recorded_states_alone(tmp_path: Path) -> None:
+    ran("recorded", LIFTED.replace("at: last", "at: {pressure: [0.3 MPa, 0.4 MPa]}"))
+    rows = [row for row in _points("recorded", "leak_of_p", tmp_path) if "without" not in row["curve"]]
+    leak = roughvol.open("recorded")["fluid_leak_rate"]
+    assert len({row["x"] for row in rows}) == 2 * leak.sizes["seed"]
+    drawn = sorted(float(row["y"]) for row in rows if row["y"])  # a closed state has no y
+    np.testing.assert_allclose(drawn, np.sort(leak.values[leak.values > 0.0]))
+    (ax,) = roughvol.plot("recorded", "leak_of_p").axes
+    lifted = [line for line in ax.get_lines() if line.get_marker() != "None"]
+    assert {line.get_linestyle() for line in lifted} == {"None"}
+
+
 def test_a_leak_in_a_figure_has_its_pressure_drop_and_viscosity() -> None:
     title = roughvol.plot("loops", "path_loops").legends[0].get_title().get_text()
     assert "pressure drop 5 mbar, viscosity 1 mPa s" in title

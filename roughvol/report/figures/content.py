@@ -163,16 +163,18 @@ def _flow(ax: Axes, some: Sequence[Family], x: str, name: str, title: str) -> No
     dry = f"{name}_dry"
     stored = [family.data[key] for family in some for key in (name, dry, LIFTED.get(name)) if key in family.data]
     ways.flow_axis(ax, np.concatenate([values.values.ravel() for values in stored]))
-    closed, median = set[str](), False
+    closed, median, states = set[str](), False, False
     for family in some:
         for axis in AXES:
             members = ways.ways(family, x, name, axis)
             median = median or ways.has_median(members)
+            states = states or any(member.recorded for member in members)
             if members and ways.draw_flow(ax, family, members, axis, alone=len(some) == 1):
                 closed.add(axis)
         if dry in family.data:
             _dry(ax, family, x, dry)
-    _legend(ax, some, closed, title, dry=any(dry in family.data for family in some), median=median)
+    lifted = any(dry in family.data for family in some)
+    _legend(ax, some, closed, title, dry=lifted, median=median, states=states)
 
 
 def _dry(ax: Axes, family: Family, x: str, name: str) -> None:
@@ -184,13 +186,17 @@ def _dry(ax: Axes, family: Family, x: str, name: str) -> None:
             named(ax, lines, family, surface, curve=f"{family.label}, without fluid pressure", axis=axis)
 
 
-def _legend(ax: Axes, some: Sequence[Family], closed: set[str], title: str, *, dry: bool, median: bool) -> None:
+def _legend(
+    ax: Axes, some: Sequence[Family], closed: set[str], title: str, *, dry: bool, median: bool, states: bool
+) -> None:
     """Put families, directions, closings and the dry gap into one legend above the axes."""
     alone, number = len(some) == 1, several(family.surfaces for family in some)
     drawn = ways.band_words([family.surfaces for family in some]) if median else f"each of {number} surfaces"
     heading = [some[0].label if alone else "", title, drawn if number else ""]
-    of_several = {"marker": "none"} if median else {"ls": ""}  # a median has no markers, single states have no line
-    handles = ways.handles(some, of_several)
+    # a median has no markers, single states have no line
+    handles = ways.handles(some, {"marker": "none"} if median else {"ls": ""})
+    for handle in handles if states and not median else ():
+        handle.set_linestyle("")
     for axis in () if alone else AXES:
         handles.append(Line2D([], [], color=style.GREY, ls=ways.LINES[axis], label=f"along ${axis}$"))
     handles += ways.closed_handles(closed, "closed")

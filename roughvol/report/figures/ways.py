@@ -49,6 +49,7 @@ class Way(NamedTuple):
     closed: float  # that of the solved closing, or of the first state computed closed; NaN if it was open to the end
     ends: float = math.nan  # load of the last computed state
     by_log: bool = False  # read over the logarithm of the load, as in `at`
+    recorded: bool = False  # states under fluid pressure: nothing is known between them
 
     @property
     def known(self) -> bool:
@@ -83,12 +84,13 @@ def _every_way(family: Family, x: str, name: str, direction: str) -> list[Way]:
     if is_lifted(family.data) and name in LIFTED and (states := _recorded_loads(family.data, x)) is not None:
         lifted = family.data[LIFTED[name]].sel(axis=direction).transpose("seed", STATE).values
         pressures = family.data[f"{STATE}_mean_pressure"].transpose("seed", STATE).values
-        return [way(*(part[k][np.argsort(p)] for part in (states, lifted))) for k, p in enumerate(pressures)]
+        pairs = [[part[k][np.argsort(p)] for part in (states, lifted)] for k, p in enumerate(pressures)]
+        return [way(*pair)._replace(recorded=True) for pair in pairs]
     loads = family.data[x].transpose("seed", "step").values
     values = flow(family.data, name, direction).transpose("seed", "step").values
     found = [way(*pair) for pair in zip(loads, values, strict=True)]
     if is_lifted(family.data):  # under fluid pressure the solved loads are those of the dry gap
-        return found
+        return [states._replace(recorded=name in LIFTED) for states in found]
     ends = _closings(family.data, direction, x)
     return [
         states._replace(closed=end) if math.isfinite(end) else states for states, end in zip(found, ends, strict=True)
@@ -268,8 +270,8 @@ def closing(
 
 
 def has_median(members: list[Way]) -> bool:
-    """Return whether several surfaces share loads, so that their median is drawn."""
-    return len(members) > 1 and grid(members).size > 1
+    """Return whether several surfaces share loads on curves, so that their median is drawn."""
+    return len(members) > 1 and not members[0].recorded and grid(members).size > 1
 
 
 def draw_flow(ax: Axes, family: Family, members: list[Way], direction: str, *, alone: bool) -> bool:
@@ -296,19 +298,19 @@ def draw_flow(ax: Axes, family: Family, members: list[Way], direction: str, *, a
 def _draw_each(
     ax: Axes, family: Family, members: list[Way], direction: str, look: dict[str, Any], *, lead: bool
 ) -> bool:
-    """Draw the states of one surface up to its closing, or those of several that share no load, which has no mark."""
-    if len(members) != 1:
-        for member in members:
-            lines = ax.plot(member.load, member.value, **(look | {"ls": ""}))
-            named(ax, lines, family, axis=direction)
-        return False
-    (member,) = members
-    named(ax, ax.plot(member.load, member.value, zorder=3, **look), family, axis=direction)
-    closes = bool(np.isfinite(member.closed))
-    if closes:
-        last = (member.load[-1], member.value[-1]) if lead and member.load.size else None
+    """Draw the states of one surface up to its closing, or those of several that share no load, which has no mark.
+
+    States under fluid pressure have no line between them, and a mark where they are closed.
+    """
+    joined, marked = len(members) == 1 and not members[0].recorded, len(members) == 1 or members[0].recorded
+    for member in members:
+        lines = ax.plot(member.load, member.value, zorder=3, **(look if joined else look | {"ls": ""}))
+        named(ax, lines, family, axis=direction)
+    closed = [member for member in members if marked and math.isfinite(member.closed)]
+    for member in closed:
+        last = (member.load[-1], member.value[-1]) if joined and lead and member.load.size else None
         closing(ax, direction, look["color"], last, member.closed, family)
-    return closes
+    return bool(closed)
 
 
 def draw_by_width(ax: Axes, width: Array, rows: Array, look: dict[str, Any], direction: str) -> list[str]:
