@@ -13,6 +13,9 @@ from xarray import Dataset, Variable
 from roughvol.observables.variables import AXES, along
 
 SMALLEST, LARGEST = 1e-4, 1e6  # numbers between them have no exponent
+SLACK = (
+    0.02  # of the last digit, by which a number may lie beyond where it is rounded to one side: a search is no closer
+)
 
 
 @dataclass(frozen=True)
@@ -74,14 +77,21 @@ def range_text(counts: Sequence[int]) -> str:
     return str(low) if low == high else f"{low} to {high}"
 
 
-def rounded(value: float, low: float, high: float) -> str:
-    """Return a number in the digits that its interval leaves: two to six of them."""
+def rounded(value: float, low: float, high: float, *, upwards: bool | None = None) -> str:
+    """Return a number in the digits that its interval leaves, two to six of them: the nearest, or on one side."""
     half = 0.5 * (high - low)
     if not (math.isfinite(value) and value != 0.0 and math.isfinite(half) and half > 0.0):
         return number(value)
     size = math.floor(math.log10(abs(value)))
     digits = min(max(size - math.floor(math.log10(half)) + 1, 2), 6)
+    decimals = digits - 1 - size
+    if upwards is None:
+        value = round(value, decimals)
+    else:
+        last = 10.0**-decimals
+        value = round(
+            last * (math.ceil(value / last - SLACK) if upwards else math.floor(value / last + SLACK)), decimals
+        )
     if not SMALLEST <= abs(value) < LARGEST:
         return _short_power(f"{value:.{digits - 1}e}")
-    decimals = digits - 1 - size
-    return f"{round(value, decimals):.{max(decimals, 0)}f}"
+    return f"{value:.{max(decimals, 0)}f}"

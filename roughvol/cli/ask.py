@@ -164,7 +164,7 @@ def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
         steps = "" if (answer.low, answer.high) == answer.steps else steps
     else:
         ends = math.isfinite(answer.high)
-        value = rounded(answer.value, answer.low, answer.high) if ends else number(answer.value, 2)
+        value = rounded(answer.value, answer.low, answer.high, upwards=of_pressure) if ends else number(answer.value, 2)
         text = f"{name} {value}{unit}{_interval(answer, unknown, unit)}"
     text += closes
     if not of_pressure:
@@ -182,12 +182,15 @@ def _load(answer: Answer, end: int, *, in_units: bool) -> str:
 
 
 def _interval(answer: Answer, unknown: str, unit: str) -> str:
-    """Return the interval of an answer in words, with errors its safe end."""
+    """Return the interval of an answer in words, rounded outwards; with errors its safe end."""
     from roughvol.analysis.tables import number, rounded
 
     bounded = math.isfinite(answer.high)
     ends = (answer.low, answer.high)
-    low, high = (rounded(end, *ends) if bounded else number(end, 2) for end in ends)
+    low, high = (
+        rounded(end, *ends, upwards=upwards) if bounded else number(end, 2)
+        for end, upwards in zip(ends, (False, True), strict=True)
+    )
     known = answer.low > 0.0, bounded
     if not any(known):
         return ", its error is not known"

@@ -1,6 +1,7 @@
 """Read-offs from a stored sweep: of the leakiest surface, with an interval, against new runs at the value."""
 
 import math
+import re
 import shlex
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +16,7 @@ from roughvol.analysis import read_off
 from roughvol.analysis.leak_curve import Curve
 from roughvol.analysis.tables import rounded
 from roughvol.campaign import execution
+from roughvol.cli.ask import _words
 from roughvol.errors import StudyError
 from roughvol.observables.at_state import at_state
 from roughvol.store.dataset import Dataset
@@ -160,7 +162,10 @@ def test_unknown_errors_leave_no_end_where_a_way_closes(closing: Dataset) -> Non
         assert (answer.low, answer.high) == (0.0, np.inf)
 
 
-def test_pressures_that_no_record_names_are_in_the_unit_of_the_modulus(tmp_path: Path) -> None:
+def test_pressures_that_no_record_names_are_in_the_unit_of_the_modulus(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # without a run of this name
     text = CLOSES.replace("seeds: 3", "seeds: 1").replace("solver: {rtol: 1.0e-9}\n", "").replace("m: 4", "m: 3")
     named = roughvol.run(loads(text), jobs=1, out=tmp_path / "named")
     silent = roughvol.run(loads(text.replace("pressure: MPa, ", "")), jobs=1, out=tmp_path / "silent")
@@ -470,6 +475,35 @@ def test_digits_follow_the_interval(value: float, low: float, high: float, text:
     assert rounded(value, low, high) == text
 
 
+@pytest.mark.parametrize(
+    ("value", "low", "high", "texts"),
+    [
+        (0.0279432, 0.0276, 0.0282, ("0.0279", "0.0280")),
+        (0.5647, 0.5, 0.5647, ("0.56", "0.57")),
+        (0.50000002, 0.5, 0.56, ("0.50", "0.50")),  # as near as a search comes
+        (0.49999998, 0.49, 0.56, ("0.50", "0.50")),
+        (2.51e-7, 2.4e-7, 2.6e-7, ("2.5e-7", "2.6e-7")),
+        (1234.5, 1100.0, 1400.0, ("1200", "1300")),
+        (0.5, 0.5, 0.5, ("0.5", "0.5")),
+    ],
+)
+def test_a_number_is_rounded_to_its_safe_side(value: float, low: float, high: float, texts: tuple[str, str]) -> None:
+    assert tuple(rounded(value, low, high, upwards=upwards) for upwards in (False, True)) == texts
+
+
+def test_an_answer_is_rounded_to_where_the_leak_is_smaller(closing: Dataset) -> None:
+    wanted = f"{float(closing.leak_rate.isel(step=3).min())!r} mm^3/s"
+    for unknown, at in (("pressure", None), ("modulus", "pressure=0.01 MPa"), ("Sq", "pressure=0.01 MPa")):
+        found = roughvol.ask(closing, leak_rate=wanted, unknown=unknown, at=at)
+        for answer in found.answers:
+            words = _words(answer, unknown, closed=False)
+            printed = [float(text) for text in re.findall(r"(?<![\w.])\d+\.?\d*(?:e-?\d+)?", words)][:3]
+            slack = 0.002 * answer.value
+            assert printed[0] >= answer.value - slack if unknown == "pressure" else printed[0] <= answer.value + slack
+            if "(" in words:
+                assert printed[1] <= answer.low + slack <= answer.high <= printed[2] + slack
+
+
 def test_a_solved_closing_load_ends_the_reading(tmp_path: Path) -> None:
     """Between two far steps, and beyond the last one; no other study that solves the closing load is suggested."""
     text = ALONE.replace("solver: {rtol: 1.0e-9}\n", "")
@@ -509,7 +543,7 @@ record:
     x = roughvol.ask(roughvol.run(loads(text), jobs=1, out=tmp_path), leak_rate="1e-8 mm^3/s").answers[0]
     assert (x.nominal.closing, x.surface) == (True, "seed 3")
     assert x.high > 1.1 * x.value  # of seed 0
-    words = "along x: pressure 0.098 MPa (0.077 to 0.12), where the last way closes, between the known loads"
+    words = "along x: pressure 0.098 MPa (0.077 to 0.13), where the last way closes, between the known loads"
     assert words in said("ask", tmp_path, "--leak-rate", "1e-8 mm^3/s")
 
 
