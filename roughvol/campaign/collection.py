@@ -86,8 +86,10 @@ def of_run(
     path = folder / "study.nc"
     if not again and (results := stored(folder, study, cases)) is not None:
         return renewed(folder, results)
-    dataset.write(combined(complete(folder, cases, stopping), cases, study), path)
-    return dataset.read(path)
+    results = combined(complete(folder, cases, stopping), cases, study)
+    dataset.write(results, path)
+    names = *sorted(map(str, results.data_vars)), *sorted(map(str, results.coords))  # the order of the file
+    return results[[*names]]
 
 
 def combined(found: Finished, cases: Mapping[str, Case], study: Study) -> Dataset:

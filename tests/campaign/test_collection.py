@@ -115,6 +115,10 @@ def test_maps_materials_and_loads_make_one_dataset_and_one_figure() -> None:
     assert bool((ds.free_volume.sel(E=10.0) > ds.free_volume.sel(E=5.0)).all())  # a stiffer body is pressed flat later
     alone = roughvol.run(loads(MANY.replace("[5 MPa, 10 MPa]", "10 MPa"), "alone.yaml"), jobs=1)
     assert (alone.free_volume.values == ds.free_volume.sel(E=10.0).values).all()
+    stored = roughvol.open("alone")  # what a run returns is what its file holds, in the same order
+    assert stored.identical(alone)
+    for order in (list, lambda made: list(made.sizes), lambda made: list(made.coords)):
+        assert order(stored) == order(alone)
     said("plot", "many", "v_of_p", "--format", "csv")
     rows = _rows(Path("runs/many/figures/v_of_p.csv").read_text())
     assert {"E = 5 MPa", "E = 10 MPa"} == {row["curve"].partition(":")[0] for row in rows}
