@@ -83,13 +83,15 @@ def of_run(
     folder: Path, cases: Mapping[str, Case], study: Study, stopping: Callable[[], bool], *, again: bool
 ) -> Dataset:
     """Return ``study.nc``, made from the cases ``again`` or where it is not up to date."""
-    path = folder / "study.nc"
     if not again and (results := stored(folder, study, cases)) is not None:
         return renewed(folder, results)
-    results = combined(complete(folder, cases, stopping), cases, study)
-    dataset.write(results, path)
-    names = *sorted(map(str, results.data_vars)), *sorted(map(str, results.coords))  # the order of the file
-    return results[[*names]]
+    return written(folder, combined(complete(folder, cases, stopping), cases, study))
+
+
+def written(folder: Path, results: Dataset) -> Dataset:
+    """Write results to ``study.nc`` and return them in the order of the file."""
+    dataset.write(results, folder / "study.nc")
+    return results[[*sorted(map(str, results.data_vars)), *sorted(map(str, results.coords))]]
 
 
 def combined(found: Finished, cases: Mapping[str, Case], study: Study) -> Dataset:

@@ -22,7 +22,7 @@ from roughvol.ensemble.design import Design
 from roughvol.ensemble.prediction import Expected, Prediction
 from roughvol.ensemble.step_error import StepErrors
 from roughvol.observables.variables import DTYPES, VARIABLES
-from roughvol.store import dataset, sample_plan, small_file
+from roughvol.store import sample_plan, small_file
 from roughvol.store.dataset import Arrays, Dataset
 from roughvol.study import Case, Study
 
@@ -65,9 +65,8 @@ class Rounds:
         stored = collection.stored(self._folder, self._study, self._cases)
         if stored is not None and stored.attrs.get("answer") == "\n".join(answer.sentences(design)):
             return collection.renewed(self._folder, stored)
-        path = self._folder / "study.nc"
-        dataset.write(_with_answer(collection.combined(self._found, self._cases, self._study), design), path)
-        return dataset.read(path)
+        results = collection.combined(self._found, self._cases, self._study)
+        return collection.written(self._folder, _with_answer(results, design))
 
     def _later(self, design: Design) -> float:
         """Return the expected seconds of the samples after the next round."""
