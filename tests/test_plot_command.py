@@ -264,6 +264,14 @@ def test_a_leak_under_fluid_pressure_is_drawn_at_its_recorded_states_alone(tmp_p
     (ax,) = roughvol.plot("recorded", "leak_of_p").axes
     lifted = [line for line in ax.get_lines() if line.get_marker() != "None"]
     assert {line.get_linestyle() for line in lifted} == {"None"}
+    both = {run: run for run in ("recorded", "leaking")}
+    for runs, joined in (
+        ("recorded", {"along $x$": "None"}),
+        (both, {"recorded, each surface": "None", "leaking": "-"}),
+    ):
+        shown = {line.get_label(): line for line in roughvol.plot(runs, "leak_of_p").axes[0].get_legend().get_lines()}
+        assert {name: shown[name].get_linestyle() for name in joined} == joined
+        assert shown["along $x$"].get_markerfacecolor() != shown["along $y$"].get_markerfacecolor() == "none"
 
 
 def test_a_leak_in_a_figure_has_its_pressure_drop_and_viscosity() -> None:

@@ -163,12 +163,12 @@ def _flow(ax: Axes, some: Sequence[Family], x: str, name: str, title: str) -> No
     dry = f"{name}_dry"
     stored = [family.data[key] for family in some for key in (name, dry, LIFTED.get(name)) if key in family.data]
     ways.flow_axis(ax, np.concatenate([values.values.ravel() for values in stored]))
-    closed, median, states = set[str](), False, False
+    closed, states, median = set[str](), set[str](), False
     for family in some:
         for axis in AXES:
             members = ways.ways(family, x, name, axis)
             median = median or ways.has_median(members)
-            states = states or any(member.recorded for member in members)
+            states |= {family.label for member in members if member.recorded}
             if members and ways.draw_flow(ax, family, members, axis, alone=len(some) == 1):
                 closed.add(axis)
         if dry in family.data:
@@ -187,18 +187,23 @@ def _dry(ax: Axes, family: Family, x: str, name: str) -> None:
 
 
 def _legend(
-    ax: Axes, some: Sequence[Family], closed: set[str], title: str, *, dry: bool, median: bool, states: bool
+    ax: Axes, some: Sequence[Family], closed: set[str], title: str, *, dry: bool, median: bool, states: set[str]
 ) -> None:
-    """Put families, directions, closings and the dry gap into one legend above the axes."""
+    """Put families, directions, closings and the dry gap into one legend above the axes; ``states`` have no line."""
     alone, number = len(some) == 1, several(family.surfaces for family in some)
     drawn = ways.band_words([family.surfaces for family in some]) if median else f"each of {number} surfaces"
     heading = [some[0].label if alone else "", title, drawn if number else ""]
     # a median has no markers, single states have no line
     handles = ways.handles(some, {"marker": "none"} if median else {"ls": ""})
-    for handle in handles if states and not median else ():
-        handle.set_linestyle("")
+    for handle, family in zip(handles, [*some, *some], strict=False):  # a single family has two directions
+        if family.label in states:
+            words = f"{handle.get_label()}{', each surface' * median}"
+            handle.set(linestyle="", marker=handle.get_marker() if alone else family.look["marker"], label=words)
+    joined = {family.label for family in some} > states
     for axis in () if alone else AXES:
-        handles.append(Line2D([], [], color=style.GREY, ls=ways.LINES[axis], label=f"along ${axis}$"))
+        look: dict[str, Any] = {"ls": ways.LINES[axis] if joined else "", "mfc": style.GREY if axis == "x" else "none"}
+        mark = "o" if states else "none"
+        handles.append(Line2D([], [], color=style.GREY, marker=mark, label=f"along ${axis}$", **look))
     handles += ways.closed_handles(closed, "closed")
     words = "without fluid pressure" + ", each surface" * bool(number)
     for axis in AXES if dry else ():
