@@ -113,12 +113,12 @@ def arguments(made: F) -> F:
     """Let a function or a class take its former arguments with a warning, or refuse them with the new ones."""
     decorated: Any = made
     call = decorated.__init__ if isinstance(made, type) else made
-    present = {*inspect.signature(call).parameters}
+    present = inspect.signature(call).parameters
 
     @functools.wraps(call)
     def checked(*values: Any, **named: Any) -> Any:
         taken: dict[str, Any] = {}
-        for name in () if named.keys() <= present else named.keys() - present:  # states are made by the thousand
+        for name in named.keys() - present:
             end = f".{decorated.__name__}({name})"
             if row := next((row for row in of("name") if row.old.endswith(end)), None):
                 message = f"{decorated.__name__}: argument {name} {row.message}"

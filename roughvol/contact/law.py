@@ -20,7 +20,7 @@ class Wall:
 
     def project(self, q: Array) -> Array:
         """Return the allowed pressures nearest to q."""
-        return np.minimum(np.maximum(q, 0.0), self.limit)  # of few elements, quicker than np.clip
+        return np.clip(q, 0.0, self.limit)
 
     def outside(self, q: Array) -> Index:
         """Return the positions of pressures that are not allowed."""

@@ -211,15 +211,14 @@ def lightness(colours: Any) -> Array:
     return np.where(y > 0.008856, 116.0 * np.cbrt(y) - 16.0, 903.3 * y)
 
 
-@functools.cache
-def looks(count: int) -> tuple[dict[str, Any], ...]:
-    """Return as many colours, in equal steps of lightness, each with a marker; no caller changes them."""
+def looks(count: int) -> list[dict[str, Any]]:
+    """Return as many colours, in equal steps of lightness, each with a marker."""
     places = np.linspace(0.0, LIGHTEST, STEPS)
     colours = mpl.colormaps["CMRmap"](places)
     grey = lightness(colours)
     wanted = np.linspace(12.0, grey[-1], max(count, 2))
     chosen = mpl.colormaps["CMRmap"](np.interp(wanted, grey, places))
-    return tuple({"color": tuple(map(float, chosen[k])), "marker": MARKERS[k % len(MARKERS)]} for k in range(count))
+    return [{"color": tuple(map(float, chosen[k])), "marker": MARKERS[k % len(MARKERS)]} for k in range(count)]
 
 
 def unit_text(unit: str) -> str:
