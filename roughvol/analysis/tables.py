@@ -13,9 +13,7 @@ from xarray import Dataset, Variable
 from roughvol.observables.variables import AXES, along
 
 SMALLEST, LARGEST = 1e-4, 1e6  # numbers between them have no exponent
-SLACK = (
-    0.02  # of the last digit, by which a number may lie beyond where it is rounded to one side: a search is no closer
-)
+SLACK = 0.02  # of the last digit: a number that far beyond it is this number, as a search is no closer
 
 
 @dataclass(frozen=True)
@@ -85,13 +83,10 @@ def rounded(value: float, low: float, high: float, *, upwards: bool | None = Non
     size = math.floor(math.log10(abs(value)))
     digits = min(max(size - math.floor(math.log10(half)) + 1, 2), 6)
     decimals = digits - 1 - size
-    if upwards is None:
-        value = round(value, decimals)
-    else:
-        last = 10.0**-decimals
-        value = round(
-            last * (math.ceil(value / last - SLACK) if upwards else math.floor(value / last + SLACK)), decimals
-        )
+    last = 10.0**-decimals
+    if upwards is not None:
+        value = last * (math.ceil(value / last - SLACK) if upwards else math.floor(value / last + SLACK))
+    value = round(value, decimals)
     if not SMALLEST <= abs(value) < LARGEST:
         return _short_power(f"{value:.{digits - 1}e}")
     return f"{value:.{max(decimals, 0)}f}"

@@ -163,8 +163,8 @@ def _opened(run: str | Path | None, changes: Sequence[str] = ()) -> tuple[Path, 
             raise
         words = f"{file}: a height map, no run: roughvol init {_word(file)} writes a study for it"
         raise DatasetError(words) from error
-    if "case_id" in results.attrs:  # without surface.Sq, and with the modulus of the run that computed the case first
-        words = "the file of one case, as generated, without the scale and the units of its study"
+    if "case_id" in results.attrs:  # its Sq is that of the surface as generated, and its modulus that of another run
+        words = "the file of one case, without the scale and the units of its study"
         raise DatasetError(f"{file}: {words}; allowed: its run, by folder, study.nc or name")
     labels: dict[str, list[Label]] = {}
     if given is not None:
