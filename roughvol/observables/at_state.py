@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -12,9 +14,10 @@ def at_state(state: ArrayLike, quantity: ArrayLike, values: ArrayLike, *, straig
     """Return a quantity (steps,) at values (n,) of the state, rising or falling, by monotone cubic interpolation.
 
     The curve is the piecewise cubic of Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300. It has no extremum
-    between two steps. Steps that do not advance the state are omitted, as are NaN. Nothing is extrapolated: NaN outside
-    the sweep. ``straight`` takes straight lines, with steps of equal state kept: for curves in steps, as V* over A*
-    near first touch.
+    between two steps. Where several steps have one state, as unloaded steps of a region, a curve ends at the first
+    step, and the next curve begins at the last one. At this state the quantity is that of the first step. Steps that
+    fall behind are omitted, as are NaN. Nothing is extrapolated: NaN outside the sweep. ``straight`` takes straight
+    lines, with steps of equal state kept: for curves in steps, as V* over A* near first touch.
     """
     x, y = np.asarray(state, dtype=np.float64), np.asarray(quantity, dtype=np.float64)
     points = np.atleast_1d(np.asarray(values, dtype=np.float64))
@@ -27,19 +30,23 @@ def at_state(state: ArrayLike, quantity: ArrayLike, values: ArrayLike, *, straig
     if straight:
         order = np.argsort(x, kind="stable")
         return np.interp(points, x[order], y[order], left=np.nan, right=np.nan)
-    advancing = np.concatenate([[True], x[1:] > np.maximum.accumulate(x)[:-1]])
+    advancing = x >= np.maximum.accumulate(x)
     x, y = x[advancing], y[advancing]
-    if x.size < 2:
-        return np.where(points == x[0], y[0], np.nan)
-    return _monotone_cubic(x, y, points)
+    found = np.full(points.shape, np.nan)
+    edges = [0, *(np.flatnonzero(np.diff(x) == 0.0) + 1).tolist(), x.size]
+    for first, end in itertools.pairwise(edges):
+        found = np.where(np.isnan(found), _monotone_cubic(x[first:end], y[first:end], points), found)
+    return found
 
 
 def _monotone_cubic(x: Array, y: Array, points: Array) -> Array:
     """Return the cubics of Fritsch & Butland through y at rising x; the slope at an end is that of a parabola there.
 
-    They are those of ``scipy.interpolate.PchipInterpolator``. Its import would add 0.2 s to each command that reads a
-    state (``python -X importtime -c "import scipy.interpolate"``).
+    A single step has no curve but itself. The cubics are those of ``scipy.interpolate.PchipInterpolator``. Its import
+    would add 0.2 s to each command that reads a state (``python -X importtime -c "import scipy.interpolate"``).
     """
+    if x.size == 1:
+        return np.where(points == x, y, np.nan)
     widths, chords = np.diff(x), np.diff(y) / np.diff(x)
     slopes = np.zeros_like(y)
     before, after = chords[:-1], chords[1:]

@@ -260,12 +260,15 @@ def _between(name: str, over: str, x: np.ndarray, numbers: np.ndarray, k: int, v
             return float(1.0 / np.float64(_between("critical_gap", over, x, 1.0 / numbers, k, value)))
     logarithm = own in BY_LOGARITHM
     if math.isfinite(high) and (not logarithm or min(low, high) > 0.0):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            y = np.log(numbers) if logarithm else np.asarray(numbers, dtype=float)
-        if logarithm and over in ("mean_pressure", "nominal_pressure", "load"):
-            x, value = np.log(x), math.log(value)
-        known = np.isfinite(y)
         rising = np.sign(x[k + 1] - x[k])
+        turns = np.flatnonzero(~(rising * np.diff(x) > 0.0))  # where the path goes on otherwise
+        alike = slice(max(turns[turns < k] + 1, default=0), min(turns[turns > k], default=x.size - 1) + 1)
+        x, y = x[alike], np.asarray(numbers, dtype=float)[alike]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            y = np.log(y) if logarithm else y
+            if logarithm and over in ("mean_pressure", "nominal_pressure", "load") and x[k - alike.start] > 0.0:
+                x, value = np.log(x), math.log(value)
+        known = np.isfinite(x) & np.isfinite(y)
         read = float(PchipInterpolator(rising * x[known], y[known])(rising * value))
         return math.exp(read) if logarithm else read
     return low + (value - x[k]) / (x[k + 1] - x[k]) * (high - low)

@@ -56,6 +56,12 @@ def test_fewer_steps_that_do_not_reach_a_state_have_no_finite_error():
     assert error_of_fewer_steps([], [], 0.3, 2) == np.inf
 
 
+def test_a_curve_ends_at_the_first_of_several_steps_of_equal_state_and_goes_on_from_the_last():
+    state, quantity = [0.0, 1.0, 1.0, 1.0, 2.0], [4.0, 3.0, 2.0, 1.0, 0.0]
+    assert_allclose(at_state(state, quantity, [0.5, 1.0, 1.5]), [3.5, 3.0, 0.5])
+    assert_allclose(at_state(state[::-1], quantity[::-1], [0.5, 1.0, 1.5]), [3.5, 1.0, 0.5])
+
+
 def test_straight_lines_keep_the_steps_of_equal_state():
     state, quantity = [0.0, 1.0, 1.0, 2.0], [4.0, 3.0, 1.0, 0.0]
     assert_allclose(at_state(state, quantity, [0.5, 1.5], straight=True), [3.5, 0.5])

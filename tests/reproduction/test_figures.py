@@ -136,11 +136,11 @@ def test_a_single_seed_is_drawn_as_stored(single: xr.Dataset, name: str, by: str
     assert _title(fig) == ("$m = 5$" if by == "D" else "$D = 2.3$")
 
 
-def test_a_mean_over_curves_with_steps_of_one_abscissa_is_on_straight_lines() -> None:
-    """A* stays 0 near first touch: the cubic would begin at the first of these steps."""
-    curve = np.array([0.0, 0.0, 1.0, 2.0]), np.array([3.0, 2.0, 1.0, 0.5])
-    _, mean, _ = mean_and_band([curve, curve], 5)
-    np.testing.assert_allclose(mean, [2.0, 1.5, 1.0, 0.75, 0.5])
+def test_a_mean_over_curves_with_steps_of_one_abscissa_goes_on_from_the_last_of_them() -> None:
+    """A* stays 0 near first touch, and p* where a region is unloaded."""
+    x, y = np.array([0.0, 0.0, 1.0, 2.0]), np.array([3.0, 2.0, 1.0, 0.5])
+    at, mean, _ = mean_and_band([(x, y), (x, y)], 5)
+    np.testing.assert_allclose(mean, [3.0, *PchipInterpolator(x[1:], y[1:])(at[1:])])
 
 
 @pytest.mark.parametrize(("name", "by", "x", "y"), [(name, *CURVES[name]) for name in ("fig05", "fig07b")])

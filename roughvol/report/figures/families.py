@@ -136,13 +136,11 @@ def curves(family: Family, x: str, y: str) -> list[Curve]:
 def mean_and_band(members: Sequence[Curve], points: int) -> tuple[Array, Array, Array]:
     """Return even points over the range that all curves reach, their mean there and their standard deviation.
 
-    Between two steps a curve is the cubic of `at`. Curves with steps of equal abscissa, as A* near first touch, are
-    straight lines.
+    Between two steps a curve is the cubic of `at`.
     """
     low, high = max(x[0] for x, _ in members), min(x[-1] for x, _ in members)
     abscissa = np.linspace(low, high, points if high > low else 0)
-    level = any(bool((np.diff(x) == 0.0).any()) for x, _ in members)
-    rows = np.array([at_state(x, y, abscissa, straight=level) for x, y in members])
+    rows = np.array([at_state(x, y, abscissa) for x, y in members])
     return abscissa, rows.mean(axis=0), rows.std(axis=0, ddof=1)
 
 

@@ -48,7 +48,7 @@ class Way(NamedTuple):
     value: Array  # there
     closed: float  # that of the solved closing, or of the first state computed closed; NaN if it was open to the end
     ends: float = math.nan  # load of the last computed state
-    by_log: bool = False  # read over the logarithm of the load, as in `at`
+    by_log: bool = False  # read over the logarithm of the load, where both steps have one, as in `at`
     recorded: bool = False  # states under fluid pressure: nothing is known between them
 
     @property
@@ -77,7 +77,7 @@ def way(load: Array, value: Array) -> Way:
 def ways(family: Family, x: str, name: str, direction: str) -> list[Way]:
     """Return a flow along a direction against x, one way for each surface that has any state."""
     known = [states for states in _every_way(family, x, name, direction) if states.known]
-    return [states._replace(by_log=x in LOADS and bool((states.load > 0.0).all())) for states in known]
+    return [states._replace(by_log=x in LOADS) for states in known]
 
 
 def _every_way(family: Family, x: str, name: str, direction: str) -> list[Way]:
@@ -163,10 +163,13 @@ def sample(members: Sequence[Way], at: Array, *, hold: bool = False, beyond: flo
         load, closed = sign * member.load, sign * member.closed
         if load.size:
             inside = (points >= load[0]) & (points <= load[-1])
-            loads, places = load, points[inside]
+            places, logs = points[inside], np.log(member.value)
+            found = at_state(load, logs, places)
             if member.by_log:
-                loads, places = np.log(loads), np.log(places)
-            row[inside] = np.exp(at_state(loads, np.log(member.value), places, straight=not member.by_log))
+                loaded = load > 0.0  # not so an unloaded region
+                above = places >= load[loaded].min(initial=np.inf)
+                found[above] = at_state(np.log(load[loaded]), logs[loaded], np.log(places[above]))
+            row[inside] = np.exp(found)
             between = (points > load[-1]) & (points < closed)
             ends = [member.value[-1], member.value[-1] if hold else 0.0]
             row[between] = at_state([load[-1], closed], ends, points[between], straight=True)
