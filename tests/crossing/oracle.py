@@ -11,6 +11,8 @@ Conventions, as the pages state them:
   opening. A later leg begins at the end of the leg
   before. A way is open up to the first closed step; counts are those of the step beyond. A step that misses a load by
   less than 1e-5 is this load.
+- Where the closing load is solved, a way is open up to this load, and its flow falls to 0 there on a straight line over
+  p* from the open step.
 - A surface whose sweep ended closed along an axis is closed at every higher load: flow 0, no other number.
 """
 
@@ -55,6 +57,7 @@ class Surface:
     seed: int = 0
     ends: str = ""
     labels: dict[str, Any] = field(default_factory=dict)
+    closes: dict[str, float] = field(default_factory=dict)  # solved p* by axis
 
 
 @dataclass
@@ -137,7 +140,9 @@ def _surface(ds: xr.Dataset, E: float) -> Surface:
         }
     _add_stiffness(along, legs)
     seed = int(ds["seed"]) if "seed" in ds.coords else 0
-    return Surface(_lifted(along, states.get("fluid_at")), legs, states, Sq, seed)
+    solved = ds["closing_pressure"].values.tolist() if "closing_pressure" in ds else ()
+    closes = {axis: end for axis, end in zip(axes, solved, strict=False) if math.isfinite(end)}
+    return Surface(_lifted(along, states.get("fluid_at")), legs, states, Sq, seed, closes=closes)
 
 
 def _add_stiffness(along: Numbers, legs: np.ndarray) -> None:
@@ -239,8 +244,8 @@ def _on_path(surface: Surface, name: str, value: float, leg: int | None) -> dict
             k = inside[0]
             lifted = LIFTED if _is_lifted(surface) else ()
             between = {n: _between(n, name, x, v[on], int(k), value) for n, v in surface.along.items()}
-            return between | dict.fromkeys(lifted, math.nan)
-        if beyond := _beyond(surface, on, x, value):
+            return between | _closing_between(surface, own, on[k], on[k + 1], between) | dict.fromkeys(lifted, math.nan)
+        if beyond := _beyond(surface, on, name, value):
             return beyond
     return None
 
@@ -274,12 +279,42 @@ def _between(name: str, over: str, x: np.ndarray, numbers: np.ndarray, k: int, v
     return low + (value - x[k]) / (x[k + 1] - x[k]) * (high - low)
 
 
-def _beyond(surface: Surface, on: np.ndarray, x: np.ndarray, value: float) -> dict[str, float] | None:
+def _closing_between(surface: Surface, leg: int, low: int, high: int, there: dict[str, float]) -> dict[str, float]:
+    """Return flows, openings and ways at a place between two steps, of which one is beyond a solved closing load."""
+    found = {}
+    for axis, end in {} if leg > 1 and "plastic_volume" in surface.along else surface.closes.items():
+        for own in (*BY_LOGARITHM, "critical_opening", "open", "percolates", "knudsen_number"):
+            name = f"{own}{'_dry' * _is_lifted(surface)}_{axis}"
+            name = name if name in surface.along else f"{own}_{axis}"
+            if name not in surface.along or (_is_lifted(surface) and name in LIFTED):
+                continue
+            ends = surface.along[name][[low, high]]
+            if own == "knudsen_number":
+                with np.errstate(divide="ignore"):
+                    ends = 1.0 / ends
+            if not (ends.min() == 0.0 < ends.max()):
+                continue
+            last = surface.along["mean_pressure"][low if ends[0] > 0.0 else high]
+            share = min(max((end - there["mean_pressure"]) / (end - last), 0.0), 1.0)
+            if own in ("open", "percolates"):
+                found[name] = float(share > 0.0)
+            elif own == "knudsen_number":
+                found[name] = 1.0 / (share * ends.max()) if share > 0.0 else math.inf
+            else:
+                found[name] = share * ends.max()
+    return found
+
+
+def _beyond(surface: Surface, on: np.ndarray, name: str, value: float) -> dict[str, float] | None:
     """Return the numbers of a surface beyond the end of a sweep that closed: flows 0, nothing else."""
+    x = surface.along[name][on]
     rising = x[-1] > x[0]
     if not (value > x.max() if rising else value < x.min()):
         return None
     shut = [axis for axis in "xy" if _ways(surface, axis) is not None and _ways(surface, axis)[on[-1]] == 0.0]
+    if name in ("mean_pressure", "nominal_pressure", "load") and surface.legs[on[-1]] == 1:
+        starred = value * surface.along["mean_pressure"][on[-1]] / x[-1]
+        shut += [axis for axis, end in surface.closes.items() if end <= starred * (1.0 + REACHED) and axis not in shut]
     names = [f"{flow}{'_dry' * _is_lifted(surface)}_{axis}" for flow in (*FLOWS, "open") for axis in shut]
     return {n: 0.0 if n in (*names, "converged") else math.nan for n in surface.along} if shut else None
 
@@ -307,6 +342,9 @@ def closing(surface: Surface, axis: str) -> tuple[float, float]:
     """Return the last load with an open way on the first leg, and that of the next step; infinite where none closes."""
     way, on = _ways(surface, axis), (surface.legs == 1) & np.isfinite(surface.along["mean_pressure"])
     load = surface.along.get("nominal_pressure", surface.along["mean_pressure"])[on]
+    if axis in surface.closes:
+        end = surface.closes[axis] * float(load[-1] / surface.along["mean_pressure"][on][-1])
+        return end, end
     still = np.flatnonzero(way[on] > 0.0)
     last = still[-1] if still.size else -1
     return (float(load[last]) if last >= 0 else 0.0), (float(load[last + 1]) if last + 1 < load.size else math.inf)

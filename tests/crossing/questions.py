@@ -700,7 +700,10 @@ def check_leaks(made: Made, curves: Sequence[Curve]) -> int:
                 )
             elif len(each) > 1:
                 assert points[0].size > 100
-                expected = points[0], np.median([_leak_at(points[0], *one) for one in each], axis=0)
+                ends = [oracle.closing(surface, axis)[1] for surface in group.surfaces if axis in surface.closes]
+                ends = ends or [math.nan] * len(each)
+                every = zip(each, ends, strict=True)
+                expected = points[0], np.median([_leak_at(points[0], *one, end) for one, end in every], axis=0)
             else:
                 ((load, leak),) = each
                 expected = load[leak > 0.0], leak[leak > 0.0]
@@ -719,8 +722,11 @@ def check_leaks(made: Made, curves: Sequence[Curve]) -> int:
     return count
 
 
-def _leak_at(x: np.ndarray, load: np.ndarray, leak: np.ndarray) -> np.ndarray:
-    """Return the leak of a surface at loads: cubics of logarithms between open states, then a line to 0."""
+def _leak_at(x: np.ndarray, load: np.ndarray, leak: np.ndarray, closes: float) -> np.ndarray:
+    """Return the leak of a surface at loads: cubics of logarithms between open states, then a line to 0.
+
+    The line ends at the solved closing load, or else at the next state.
+    """
     open_ = np.flatnonzero(leak > 0.0)
     if not open_.size:
         return np.zeros(x.shape)
@@ -735,8 +741,9 @@ def _leak_at(x: np.ndarray, load: np.ndarray, leak: np.ndarray) -> np.ndarray:
         light = PchipInterpolator(load[begins : last + 1], np.log(leak[begins : last + 1]))(x)
         logs = np.where(x < load[loaded[0]], np.where(x == load[0], np.log(leak[0]), light), logs)
     found = np.exp(logs)
-    if last + 1 < load.size:
-        found = np.where(x > load[last], np.interp(x, load[last : last + 2], [leak[last], 0.0]), found)
+    end = closes if math.isfinite(closes) else load[last + 1] if last + 1 < load.size else math.nan
+    if math.isfinite(end):
+        found = np.where(x > load[last], np.interp(x, [load[last], end], [leak[last], 0.0]), found)
     return found
 
 
@@ -880,7 +887,7 @@ def press(made: Made) -> int:
                 return 1
         else:
             maps = _maps(ds.isel(dict.fromkeys(made.kind.lists, 0), missing_dims="ignore"))
-            if made.kind.name in ("seeds", "m", "D", "ensemble"):
+            if made.kind.name in ("seeds", "solved", "m", "D", "ensemble"):
                 roughvol.press(maps, **options)
             found = roughvol.press(maps[-1], **options)
     cases = ds if "case" in ds.dims else ds.stack(case=["D", "m", "seed"])

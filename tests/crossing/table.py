@@ -13,8 +13,8 @@ from tests.crossing.questions import QUESTIONS
 PAGE = Path(__file__).parents[2] / "docs" / "reference" / "crossing.md"
 UNITS = (
     "one seeds sealed m files bodies spectrum grids period-grids materials part layers regions legs one-way coupled "
-    "gas gas-alone lifted-gas region mirrored periodic closed some-closed percolation to-pressure to-area force "
-    "nominal gap records"
+    "gas gas-alone lifted-gas region mirrored periodic closed some-closed percolation solved to-pressure to-area "
+    "force nominal gap records"
 )
 PRESSED = f"{UNITS} D ensemble own mean-plane"
 UNPRESSED = {"unpressed": "nothing was pressed"}
@@ -38,7 +38,7 @@ PRESSED_AGAIN = (
     "nominal gap records unpressed study-changed file-changed"
 )
 ONE_MAP = {
-    "seeds": "heights have shape (3, 17, 17); allowed: two dimensions of at least 3 nodes each",
+    **dict.fromkeys(("seeds", "solved"), "heights have shape (3, 17, 17); allowed: two dimensions of at least 3 nodes"),
     "D": "heights have shape (4, 17, 17); allowed: two dimensions of at least 3 nodes each",
     "m": "allowed: rows of one length",
     "files": "allowed: real numbers",
@@ -46,7 +46,7 @@ ONE_MAP = {
 }
 ONE_KIND = (
     "one seeds sealed files bodies spectrum grids period-grids part gas gas-alone region mirrored periodic closed "
-    "some-closed percolation to-pressure to-area force nominal gap records"
+    "some-closed percolation solved to-pressure to-area force nominal gap records"
 )
 SEVERAL = {
     "m": "the run has several m",
