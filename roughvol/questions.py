@@ -2,7 +2,8 @@
 
 A question opens a run and joins rooms that do not know each other: a card computes with `campaign`, and its error is
 that of `analysis`. So this module is above the rooms, beside `plotting`, and below `cli`, which prints the answers.
-The rooms that compute, analyse and draw are imported in the functions: `roughvol ask` needs no solver.
+The rooms that compute, analyse and draw have dotted names here, as `analysis.read_off`. A module of theirs is imported
+on its first use: `roughvol ask` needs no solver.
 
 ==========  ============================================================================
 `run`       a run by name or path, a `StoredRun`, or a dataset; None is the latest run
@@ -30,6 +31,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from roughvol import analysis, campaign, report, store
 from roughvol.errors import DatasetError, FolderError, Problem, StudyError, question
 from roughvol.observables.variables import MEAN_ENDS, QUANTITIES, Variable, columns_of, named_by, with_means
 from roughvol.store import Status, StoredRun, folder_of, run_status
@@ -42,10 +44,9 @@ from roughvol.study.sections.fluid import SUBSTANCES
 from roughvol.study.values.own import OwnQuantity, offered
 
 if TYPE_CHECKING:
-    from roughvol.analysis import read_off
     from roughvol.analysis.creep import History
     from roughvol.analysis.leak_card import Card
-    from roughvol.analysis.read_off import Answer
+    from roughvol.analysis.read_off import Answer, Errors
     from roughvol.campaign.cost import Estimate
     from roughvol.ensemble.prediction import Expected
     from roughvol.report.card_page import Page
@@ -63,19 +64,15 @@ def opened(run: Dataset | StoredRun | str | Path | None, changes: Changes = ()) 
     """Return the run of a name, a path or a dataset in memory; None is the latest run."""
     if run is None or isinstance(run, str | Path):
         return StoredRun.open(run, changes_of(changes))
-    from roughvol.store.dataset import Dataset
-
-    check_type(run, (Dataset, StoredRun), "a run is a name, a path or a dataset")
+    check_type(run, (store.dataset.Dataset, StoredRun), "a run is a name, a path or a dataset")
     if changes_of(changes):
         raise DatasetError("changes are of a run by name or path; allowed for a dataset: labels, as ds.sel(E=5.0)")
     if isinstance(run, StoredRun):
         return run
-    from roughvol.analysis.stored_run import Run
     from roughvol.report.figures import origin
-    from roughvol.store.variants import whole
 
     name = origin.run_name(run) or "dataset"
-    return StoredRun(Path(f"{name}.nc"), Run.of(name, whole(run)).dataset)
+    return StoredRun(Path(f"{name}.nc"), analysis.Run.of(name, store.variants.whole(run)).dataset)
 
 
 def _each_opened(runs: Iterable[Dataset | StoredRun | str | Path], changes: Changes) -> list[StoredRun]:
@@ -137,14 +134,12 @@ class ReadOff:
 
     def plain(self) -> dict[str, Any]:
         """Return the read-offs as ``ask --json`` prints them."""
-        from roughvol.analysis import read_off
-
         return {
             "run": self.run.name,
             "leak_rate": self.leak_rate or None,
             "at": None if self.pressure is None else f"pressure={self.pressure:.9g} {self.answers[0].load_unit}",
             "leg": 1,
-            "answers": [read_off.record(answer, self.unknown) for answer in self.answers],
+            "answers": [analysis.read_off.record(answer, self.unknown) for answer in self.answers],
             "narrower": self.command() or None,
         }
 
@@ -203,18 +198,16 @@ def ask(
     >>> along_x.low < along_x.value == along_x.high
     True
     """
-    from roughvol.analysis import read_off
-    from roughvol.store.variants import of_one_combination, parts_of, study_in
     from roughvol.study import text_of_value
 
     found = opened(run, changes)
     wanted = "" if leak_rate is None else str(text_of_value(leak_rate, "leak_rate")).lstrip("<= ")
-    results, kelvin = of_one_combination(found.dataset), None
+    results, kelvin = store.variants.of_one_combination(found.dataset), None
     of_gas_alone = "leak_rate" not in results and "gas_leak_rate" in results
-    if read_off.is_throughput(wanted) or (leak_rate is not None and of_gas_alone):
-        results, kelvin = read_off.of_gas(results, unknown)
-    results = read_off.checked(results, leaks=leak_rate is not None)
-    load = None if at is None else read_off.nominal_of(results, level(at))
+    if analysis.read_off.is_throughput(wanted) or (leak_rate is not None and of_gas_alone):
+        results, kelvin = analysis.read_off.of_gas(results, unknown)
+    results = analysis.read_off.checked(results, leaks=leak_rate is not None)
+    load = None if at is None else analysis.read_off.nominal_of(results, level(at))
     if at is not None and unknown == "pressure":
         raise refused(f"the pressure is asked for; the load {level(at).label} belongs to: for modulus or Sq")
     largest = math.nan
@@ -222,25 +215,23 @@ def ask(
         of_gas = str(results["gas_leak_rate"].attrs["units"]) if "gas_leak_rate" in results else ""
         largest, wanted = _leak(wanted, str(results["leak_rate"].attrs["units"]), kelvin, of_gas)
 
-    def answered(errors: dict[str, read_off.Errors] | None) -> list[Answer]:
+    def answered(errors: dict[str, Errors] | None) -> list[Answer]:
         if leak_rate is None:
-            return read_off.ask_closed(results, unknown, pressure=load, errors=errors)
-        return read_off.ask(results, largest, unknown, pressure=load, errors=errors)
+            return analysis.read_off.ask_closed(results, unknown, pressure=load, errors=errors)
+        return analysis.read_off.ask(results, largest, unknown, pressure=load, errors=errors)
 
     answers = answered(None)
-    whole = study_in(found.dataset)
+    whole, parts = store.variants.study_in(found.dataset), store.variants.parts_of(found.dataset)
     # a study of several combinations would not answer for one, which the changes of a run may choose
-    single = whole is None or len(whole.variants) == 1 or (found.has_study and len(parts_of(found.dataset)) == 1)
-    narrower = read_off.narrower(results, answers, closed=leak_rate is None) if single else []
+    single = whole is None or len(whole.variants) == 1 or (found.has_study and len(parts) == 1)
+    narrower = analysis.read_off.narrower(results, answers, closed=leak_rate is None) if single else []
     if budget:
         answers = answered(_errors(found, answers, jobs, closed=leak_rate is None))
     return ReadOff(found, wanted, unknown, load, tuple(answers), tuple(narrower))
 
 
-def _errors(run: StoredRun, answers: Sequence[Answer], jobs: int | None, *, closed: bool) -> dict[str, read_off.Errors]:
+def _errors(run: StoredRun, answers: Sequence[Answer], jobs: int | None, *, closed: bool) -> dict[str, Errors]:
     """Return the errors of leak cards at the loads of answers, by axis."""
-    from roughvol.analysis import read_off
-
     loads = {
         answer.axis: "last"
         if closed or answer.nominal.closing
@@ -248,16 +239,14 @@ def _errors(run: StoredRun, answers: Sequence[Answer], jobs: int | None, *, clos
         for answer in answers
         if closed or answer.found
     }
-    return {axis: read_off.errors_of(_card_at(run, load, jobs), axis) for axis, load in loads.items()}
+    return {axis: analysis.read_off.errors_of(_card_at(run, load, jobs), axis) for axis, load in loads.items()}
 
 
 def _card_at(run: StoredRun, load: str, jobs: int | None) -> Card:
     """Return the leak card of a run at a load of leg 1."""
-    from roughvol.analysis import read_off
-
     if not run.has_study:
         raise refused("the budget of the error takes runs of the study; allowed: a study file, or the name of a run")
-    leg = ", leg 1" if read_off.path_words(run.dataset) else ""
+    leg = ", leg 1" if analysis.read_off.path_words(run.dataset) else ""
     folder = run.folder.with_name(f"{run.name}_card") / run.pages.relative_to(run.folder)
     try:
         return card(run.study, f"{load}{leg}", out=folder, jobs=jobs).cards[""]
@@ -352,24 +341,21 @@ def creep(
     >>> history.ratio.round(2).tolist()  # J(t)/J(0)
     [2.0, 2.51]
     """
-    from roughvol.analysis import creep as over_time
-    from roughvol.analysis import read_off
-    from roughvol.store.variants import of_one_combination
     from roughvol.study import load_creep, read_times
 
     found = opened(run, changes)
-    results = of_one_combination(found.dataset)
+    results = store.variants.of_one_combination(found.dataset)
     of_gas = "leak_rate" not in results and "gas_leak_rate" in results
     if of_gas:
-        results, _ = read_off.of_gas(results, "modulus")
-    results = read_off.checked(results)
-    load = read_off.nominal_of(results, level(at))
-    history = over_time.history(results, load_creep(law), load, read_times(times))
+        results, _ = analysis.read_off.of_gas(results, "modulus")
+    results = analysis.read_off.checked(results)
+    load = analysis.read_off.nominal_of(results, level(at))
+    history = analysis.creep.history(results, load_creep(law), load, read_times(times))
     if not budget:
         return history
-    loads = over_time.loads_of_cards(history)
+    loads = analysis.creep.loads_of_cards(history)
     cards = {load: _card_at(found, f"pressure={load:.5g} {history.pressure_unit}", jobs) for load in loads}
-    return over_time.with_errors(history, cards)
+    return analysis.creep.with_errors(history, cards)
 
 
 @dataclass(frozen=True, eq=False)
@@ -400,12 +386,10 @@ class Cards:
     @cached_property
     def cards(self) -> dict[str, Card]:
         """The card of each combination; of several loads, the load is behind the combination."""
-        from roughvol.analysis.leak_budget import card_of
-
         found = {}
         for (load, words), runs in self.runs.items():
             key = ", ".join(filter(None, (words, load if len(self.loads) > 1 else "")))
-            found[key] = card_of(list(runs.values()), self.study.name, load)
+            found[key] = analysis.card_of(list(runs.values()), self.study.name, load)
         return found
 
     def plain(self) -> dict[str, Any]:
@@ -416,30 +400,26 @@ class Cards:
     @cached_property
     def pages(self) -> list[Page]:
         """A page of each load and combination; of several height files, one together, and one of each at the load."""
-        from roughvol.analysis.leak_budget import card_of, is_reached
-        from roughvol.report.card_page import Page
-
         pages, changed = [], [word for change in self.changes for word in ("--set", change)]
         for ((load, words), runs), whole in zip(self.runs.items(), self.cards.values(), strict=True):
             command = shlex.join(["roughvol", "card", self.asked, "--at", load, *changed])
             several, names = len(runs) > 1, slugs(runs)
-            single = {name: card_of([one], "", load) for name, one in runs.items() if several and is_reached(one.fine)}
+            reached = {name: one for name, one in runs.items() if several and analysis.leak_budget.is_reached(one.fine)}
+            single = {name: analysis.card_of([one], "", load) for name, one in reached.items()}
             for name, shown in ({"": whole} | single).items():
                 title = ", ".join(filter(None, (self.study.name, *self.varied, words, name)))
                 before = map(slug, ("card", load, *self.varied, words))
                 stem = "_".join(filter(None, (*before, names.get(name, ""))))
                 fields = tuple(one.fine.dataset for key, one in runs.items() if name in ("", key))
-                pages.append(Page(replace(shown, title=title), fields, self.study, command, stem))
+                pages.append(report.card_page.Page(replace(shown, title=title), fields, self.study, command, stem))
         return pages
 
     def write(self) -> list[Path]:
         """Write the pages as HTML and PDF beside the runs, several with a table; return the paths of the HTML."""
-        from roughvol.report import card_page
-
-        paths = [card_page.write(page, self.folder) for page in self.pages]
+        paths = [report.card_page.write(page, self.folder) for page in self.pages]
         if len(paths) > 1:
             stem = "_".join(map(slug, ("cards", *self.loads, *self.varied)))
-            paths.append(card_page.write_table(self.pages, stem, self.study.name, self.folder))
+            paths.append(report.card_page.write_table(self.pages, stem, self.study.name, self.folder))
         return paths
 
 
@@ -496,30 +476,26 @@ def card(
     >>> round(found["load"]["mean_pressure"], 3), [way["axis"] for way in found["ways"]]
     (0.2, ['x', 'y'])
     """
-    from roughvol.analysis.leak_budget import check_reached
-    from roughvol.campaign import card as computed
-    from roughvol.campaign import checks, interpretation
-
     done: list[int] = []  # numbers of cases computed now
     (asked, _), texts = study_of(study, changes, of_run=not fresh), changes_of(changes)
-    checks.check_surfaces(asked)  # of all files together
+    campaign.checks.check_surfaces(asked)  # of all files together
     folder = folder_of(asked, Path("runs") / f"{asked.name}_card" if out is None else out)
     found: dict[tuple[str, str], dict[str, CardRuns]] = {}
     cards = Cards(asked, str(study) if isinstance(study, str | Path) else asked.name, texts, folder, found)
     loads = levels(at)
     for load, variant in itertools.product(loads, asked.variants):
-        surfaces = computed.surfaces_of(variant.study)
+        surfaces = campaign.card.surfaces_of(variant.study)
         names = slugs(surfaces)
-        accept = check_reached if len(surfaces) == 1 else lambda fine: None
+        accept = analysis.leak_budget.check_reached if len(surfaces) == 1 else lambda fine: None
         inside = folder.joinpath("runs", *map(slug, (*cards.varied, variant.words)))
-        together = computed.loads_together(load, loads)
+        together = campaign.card.loads_together(load, loads)
         options: dict[str, Any] = {"jobs": jobs, "accept": accept, "together": together}
         options["fresh"] = fresh and load == together[0]  # the runs of the others are the same
         options["on_event"] = lambda now: done.append(now.done)
         found[load.label, variant.words] = {
-            name: computed.compute(one, load, inside / names[name], **options) for name, one in surfaces.items()
+            name: campaign.card.compute(one, load, inside / names[name], **options) for name, one in surfaces.items()
         }
-    return replace(cards, notice=interpretation.default_sides(asked) if any(done) else "")
+    return replace(cards, notice=campaign.interpretation.default_sides(asked) if any(done) else "")
 
 
 def show(run: Dataset | StoredRun | str | Path | None = None, at: Loads = (), *, changes: Changes = ()) -> Records:
@@ -560,11 +536,8 @@ def show(run: Dataset | StoredRun | str | Path | None = None, at: Loads = (), *,
     [[0, 'contact_area=0.1', 0.1], [1, 'contact_area=0.1', 0.1], [0, 'contact_area=0.15', 0.15],
      [1, 'contact_area=0.15', 0.15]]
     """
-    from roughvol.analysis.stored_run import Run
-    from roughvol.report import screen
-
     found = opened(run, changes)
-    return screen.records(Run.of(found.name, found.dataset), levels(at))
+    return report.screen.records(analysis.Run.of(found.name, found.dataset), levels(at))
 
 
 def compare(
@@ -608,20 +581,18 @@ def compare(
     >>> rows[0][names.index("free_volume")] == rows[1][names.index("free_volume")]
     True
     """
-    from roughvol.analysis.stored_run import Run
-    from roughvol.report import screen
-
     labels = list[str]()
     if isinstance(runs, Mapping) and not hasattr(runs, "attrs"):  # a dataset is a mapping with attributes
         labels, runs = list(map(str, runs)), list(runs.values())
     each = _each_opened(runs, changes)
     files = [run.file for run in each]
-    stored = [Run.of(name, run.dataset) for name, run in zip(labels or stored_run.names_of(files), each, strict=True)]
+    names = labels or stored_run.names_of(files)
+    stored = [analysis.Run.of(name, run.dataset) for name, run in zip(names, each, strict=True)]
     parts = [(file, part.name) for file, run in zip(files, stored, strict=True) for part in run.parts]
     if len(parts) < 2:
         raise DatasetError("compare takes two runs or more; one is shown by: roughvol show RUN")
     stored_run.check_once("compare", parts)
-    return screen.compared(stored, levels(at))
+    return report.screen.compared(stored, levels(at))
 
 
 @dataclass(frozen=True, eq=False)
@@ -635,17 +606,13 @@ class Reported:
 
     def plain(self) -> dict[str, Any]:
         """Return numbers and provenance, the content of claims.json."""
-        from roughvol.report import page
-
-        data: dict[str, Any] = json.loads(page.to_json(self.report))
+        data: dict[str, Any] = json.loads(report.page.to_json(self.report))
         return data
 
     def write(self, folder: str | Path | None = None) -> Path:
         """Write report.html, report.md and claims.json into a folder; default: that of one run, or runs/report."""
-        from roughvol.report import page
-
         own = self.runs[0].pages if len(self.runs) == 1 else Path("runs/report")
-        return page.write(self.report, Path(folder or own))
+        return report.page.write(self.report, Path(folder or own))
 
 
 def report_on(runs: Sequence[str | Path] = (), *, changes: Changes = ()) -> Reported:
@@ -750,19 +717,15 @@ def check(study: Study | Mapping[str, Any] | str | Path, *, jobs: int | None = N
     >>> found.estimate.cases, found.surface.shape
     (3, (17, 17))
     """
-    from roughvol.campaign import checks, cost, interpretation, validity
-
     loaded, folder = study_of(study, changes, of_run=True)
-    surface = interpretation.shown(loaded, checks.check_surfaces(loaded))
-    estimate, cases, rows = cost.estimate(loaded, jobs), loaded.cases(), []
+    surface = campaign.interpretation.shown(loaded, campaign.checks.check_surfaces(loaded))
+    estimate, cases, rows = campaign.cost.estimate(loaded, jobs), loaded.cases(), []
     if loaded.ensemble is not None:
-        from roughvol.campaign import rounds  # for ensembles alone
-
-        rows = rounds.expected(loaded)
+        rows = campaign.rounds.expected(loaded)
     is_read = cases[0].file is not None and not rows
-    notes = interpretation.notes(cases, surface) if surface is not None and is_read else ()
-    doubts = (*notes, *interpretation.doubts(loaded, surface))
-    warnings = list(validity.sentences(validity.foreseen(loaded, surface), doubts))
+    notes = campaign.interpretation.notes(cases, surface) if surface is not None and is_read else ()
+    doubts = (*notes, *campaign.interpretation.doubts(loaded, surface))
+    warnings = list(campaign.validity.sentences(campaign.validity.foreseen(loaded, surface), doubts))
     if not rows and estimate.warning:
         warnings.append(estimate.warning)
     return Checked(loaded, folder, surface, estimate, tuple(rows), tuple(warnings))
@@ -873,9 +836,7 @@ def tradeoff(
     >>> sorted(set(ds["ladder"].values.tolist()))
     ['kernel', 'method', 'resolution', 'steps', 'tolerance']
     """
-    from roughvol.campaign import tradeoff as trade
-
-    return trade.measure(study_of(study, changes, of_run=True)[0], on_sweep)
+    return campaign.tradeoff.measure(study_of(study, changes, of_run=True)[0], on_sweep)
 
 
 @dataclass(frozen=True)

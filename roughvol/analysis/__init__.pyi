@@ -1,3 +1,6 @@
+from . import creep as creep
+from . import leak_budget as leak_budget
+from . import read_off as read_off
 from .at import State as State
 from .average import Average as Average
 from .average import averages as averages

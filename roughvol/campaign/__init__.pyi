@@ -1,3 +1,10 @@
+from . import card as card
+from . import checks as checks
+from . import cost as cost
+from . import interpretation as interpretation
+from . import rounds as rounds
+from . import tradeoff as tradeoff
+from . import validity as validity
 from .batch import Progress as Progress
 from .case_surface import surface_of as surface_of
 from .checks import check_surfaces as check_surfaces

@@ -19,4 +19,6 @@ Room of the report. It reads datasets and computes no contact.
 =============  ======================================================================
 """
 
-__all__: list[str] = []
+from roughvol.spellings import attach
+
+__getattr__, __dir__, __all__ = attach(__name__, __file__)
