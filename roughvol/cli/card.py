@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import roughvol
 from roughvol.cli.options import CSV, FRESH, JOBS, JSON, SET, STUDY, at, command, given, out
@@ -27,14 +28,7 @@ from roughvol.cli.output import csv_text, say, say_json, say_table, warn_of
 @JSON
 @SET
 def card(
-    study: Path,
-    states: tuple[str, ...],
-    out: Path | None,
-    jobs: int | None,
-    fresh: bool,
-    as_csv: bool,
-    as_json: bool,
-    changes: tuple[str, ...],
+    study: Path, states: tuple[str, ...], as_csv: bool, as_json: bool, changes: tuple[str, ...], **options: Any
 ) -> None:
     """Write the leak card of STUDY: one page in HTML and PDF.
 
@@ -46,7 +40,7 @@ def card(
     shows all of them. The files of a card are named by its load. --csv and --json print numbers and write no page;
     pressures are in MPa.
     """
-    found = roughvol.card(given(study, changes), states, out=out, jobs=jobs, fresh=fresh, changes=changes)
+    found = roughvol.card(given(study, changes), states, changes=changes, **options)
     if found.notice:
         say(found.notice, err=True)
     if as_csv or as_json or len(found.runs) > 1:  # one card alone has its limits below

@@ -45,14 +45,7 @@ Draw = Callable[["Progress"], None]
 @JSON
 @SET
 def run(
-    study: Path,
-    jobs: int | None,
-    out: Path | None,
-    fresh: bool,
-    scheduler: str | None,
-    figures: str | None,
-    as_json: bool,
-    changes: tuple[str, ...],
+    study: Path, out: Path | None, figures: str | None, as_json: bool, changes: tuple[str, ...], **options: Any
 ) -> None:
     """Compute the unfinished cases of STUDY, and collect all cases in study.nc; STUDY may be - for standard input.
 
@@ -79,16 +72,7 @@ def run(
 
     progress = _bar() if is_seen() else _lines()
     with progress as draw, signals.first_interrupt(lambda: say(STOPPING, err=True)) as interrupted:
-        results = execution.run(
-            loaded,
-            out=folder,
-            jobs=jobs,
-            fresh=fresh,
-            on_event=follow,
-            scheduler=scheduler,
-            stopping=interrupted,
-            only=only,
-        )
+        results = execution.run(loaded, out=folder, on_event=follow, stopping=interrupted, only=only, **options)
     assert last is not None
     seconds, named = time.monotonic() - started, Run.of(loaded.name, results)
     if as_json:
