@@ -35,7 +35,7 @@ import roughvol, roughvol.errors, roughvol.study
 from roughvol.campaign import workers
 from roughvol.cli import main
 from roughvol.reproduction.claim_run import ClaimRun
-from roughvol.reproduction.claims import CLAIMS, Evidence
+from roughvol.reproduction.claims.evidence import CLAIMS, Evidence
 
 def call(*words):
     done = CliRunner().invoke(main, list(words), catch_exceptions=False)

@@ -13,12 +13,13 @@ from pathlib import Path
 
 from roughvol.errors import DatasetError
 from roughvol.reproduction.claim_run import ClaimRun
-from roughvol.reproduction.claims import ABSENT, Claim, Evidence, Lacking, assess
+from roughvol.reproduction.claims import assess
 from roughvol.reproduction.claims.ambiguities import SERVES, readings
 from roughvol.reproduction.claims.ensemble_means import Answers, answers
+from roughvol.reproduction.claims.evidence import Evidence, Lacking
 from roughvol.reproduction.claims.leak_estimates import Ratio, ratios
 from roughvol.reproduction.claims.many_seeds import ENOUGH, ManySeeds, many_seeds
-from roughvol.reproduction.claims.verdict import Reading
+from roughvol.reproduction.claims.verdict import ABSENT, Claim, Reading
 from roughvol.reproduction.literature import LITERATURE
 from roughvol.reproduction.needs import ALONE
 from roughvol.store import StoredRun

@@ -11,26 +11,15 @@ from typing import Any
 from roughvol.analysis.tables import Table
 from roughvol.report.document import Cell, Drawing, Section
 from roughvol.report.page import Report
-from roughvol.reproduction.claims import (
-    ABSENT,
-    FAILS,
-    HOLDS,
-    QUALIFIED,
-    VERDICTS,
-    Check,
-    Claim,
-    Number,
-    ensemble_means,
-    leak_estimates,
-)
+from roughvol.reproduction.claims import ensemble_means, leak_estimates
 from roughvol.reproduction.claims.many_seeds import FEW, ManySeeds
-from roughvol.reproduction.claims.verdict import Reading, plain
+from roughvol.reproduction.claims.verdict import ABSENT, HOLDS, VERDICTS, Check, Claim, Number, Reading, plain
 from roughvol.reproduction.figures.registry import ALL, drawings
 from roughvol.reproduction.judgement import Judgement
 
 WORDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
 MARKS = {True: "met", None: "undecided", False: "not met"}
-KINDS = {HOLDS: "holds", QUALIFIED: "qualified", FAILS: "fails", ABSENT: "absent"}
+KINDS = dict(zip(VERDICTS, ("holds", "qualified", "fails", "absent"), strict=True))
 PAPER_END = "mean-plane"  # of the sweeps of the paper
 SHOWN = 2  # runs refused that a row names at once; more unfold
 

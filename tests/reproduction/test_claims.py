@@ -14,14 +14,25 @@ import xarray as xr
 from roughvol.campaign import one_case
 from roughvol.gap.box_counting import box_counts
 from roughvol.reproduction.claim_run import ClaimRun
-from roughvol.reproduction.claims import ABSENT, CLAIMS, FAILS, HOLDS, QUALIFIED, Check, Claim, Evidence, Number, assess
+from roughvol.reproduction.claims import assess
 from roughvol.reproduction.claims import statistics as stats
 from roughvol.reproduction.claims.area_and_volume import _over_scatter
 from roughvol.reproduction.claims.density import pooled
-from roughvol.reproduction.claims.evidence import Lacking, area_slopes, at, slopes_of_area
+from roughvol.reproduction.claims.evidence import CLAIMS, Evidence, Lacking, area_slopes, at, slopes_of_area
 from roughvol.reproduction.claims.many_seeds import many_seeds
 from roughvol.reproduction.claims.shape import fitted_dimension
-from roughvol.reproduction.claims.verdict import above, below, plain
+from roughvol.reproduction.claims.verdict import (
+    ABSENT,
+    FAILS,
+    HOLDS,
+    QUALIFIED,
+    Check,
+    Claim,
+    Number,
+    above,
+    below,
+    plain,
+)
 from roughvol.reproduction.judgement import Judgement
 from roughvol.reproduction.needs import Needs
 from roughvol.store import dataset

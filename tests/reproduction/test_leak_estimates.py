@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from roughvol.reproduction.claim_run import ClaimRun
-from roughvol.reproduction.claims import Evidence
+from roughvol.reproduction.claims.evidence import Evidence
 from roughvol.reproduction.claims.leak_estimates import ratios
 from roughvol.reproduction.judgement import judge
 from roughvol.store import dataset

@@ -11,9 +11,10 @@ from numpy.testing import assert_allclose
 from roughvol.errors import ContactError
 from roughvol.report import page
 from roughvol.reproduction.claim_run import ClaimRun
-from roughvol.reproduction.claims import ABSENT, FAILS, HOLDS, QUALIFIED, Claim, Evidence, assess
+from roughvol.reproduction.claims import assess
 from roughvol.reproduction.claims import statistics as stats
-from roughvol.reproduction.claims.verdict import Check, Number
+from roughvol.reproduction.claims.evidence import Evidence
+from roughvol.reproduction.claims.verdict import ABSENT, FAILS, HOLDS, QUALIFIED, Check, Claim, Number
 from roughvol.reproduction.closed_forms import westergaard
 from roughvol.reproduction.formulas import area_of_pressure, persson_area, westergaard_mean_gap
 from roughvol.reproduction.judgement import Judgement, judge

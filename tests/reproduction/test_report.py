@@ -18,7 +18,8 @@ from roughvol.report import run_facts
 from roughvol.report.figures.registry import TRADEOFF
 from roughvol.reproduction import judgement
 from roughvol.reproduction.claim_run import ClaimRun
-from roughvol.reproduction.claims import ABSENT, FAILS, HOLDS, Evidence, Lacking
+from roughvol.reproduction.claims.evidence import Evidence, Lacking
+from roughvol.reproduction.claims.verdict import ABSENT, FAILS, HOLDS
 from roughvol.reproduction.figures.registry import ALL, COMPARISONS
 from roughvol.reproduction.judgement import Judgement, judge
 from roughvol.reproduction.sections import report_of

@@ -26,23 +26,8 @@ from collections.abc import Mapping, Sequence
 
 from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims import area_and_volume, density, refinement, roughness, shape, volume_formulas
-from roughvol.reproduction.claims.evidence import CLAIMS, Evidence, Lacking, Question
-from roughvol.reproduction.claims.verdict import ABSENT, FAILS, HOLDS, QUALIFIED, VERDICTS, Check, Claim, Number
-
-__all__ = [
-    "ABSENT",
-    "CLAIMS",
-    "FAILS",
-    "HOLDS",
-    "QUALIFIED",
-    "VERDICTS",
-    "Check",
-    "Claim",
-    "Evidence",
-    "Lacking",
-    "Number",
-    "assess",
-]
+from roughvol.reproduction.claims.evidence import CLAIMS, Evidence, Question
+from roughvol.reproduction.claims.verdict import Claim
 
 MODULES = (roughness, area_and_volume, refinement, shape, volume_formulas, density)  # their import registers the claims
 

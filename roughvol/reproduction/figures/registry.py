@@ -17,7 +17,7 @@ from roughvol.report.figures import content, registry
 from roughvol.report.figures.figure import Figure, figures_of
 from roughvol.report.figures.style import STYLE, Drawing
 from roughvol.reproduction.claim_run import ClaimRun
-from roughvol.reproduction.claims import CLAIMS, Evidence, Lacking
+from roughvol.reproduction.claims.evidence import CLAIMS, Evidence, Lacking
 from roughvol.reproduction.figures import paper, theory
 from roughvol.reproduction.figures.conditions import PaperFigure
 

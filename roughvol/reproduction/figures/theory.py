@@ -16,9 +16,9 @@ from roughvol.report.figures.cases import nearest
 from roughvol.report.figures.style import GREY, LABELS, PAGE, Drawing, axes, legend, looks
 from roughvol.reproduction import closed_forms, formulas
 from roughvol.reproduction.claim_run import ClaimRun
-from roughvol.reproduction.claims import Evidence, density, shape, volume_formulas
+from roughvol.reproduction.claims import density, shape, volume_formulas
 from roughvol.reproduction.claims.area_and_volume import exponents
-from roughvol.reproduction.claims.evidence import D_SIGMA, A, P, V, area_slopes, at, common, require
+from roughvol.reproduction.claims.evidence import D_SIGMA, A, Evidence, P, V, area_slopes, at, common, require
 from roughvol.reproduction.claims.many_seeds import FEW
 from roughvol.reproduction.figures.conditions import ACCENT, SECOND, is_paper_surface
 from roughvol.reproduction.figures.element_volumes import volume_label, volume_unit
