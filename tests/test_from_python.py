@@ -104,6 +104,7 @@ WRONG: list[tuple[Callable[[Any], Any], Any, str]] = [
     (roughvol.check, {"surface": {"D": 9.0, "m": 3}}, r'study\["surface"\]\["D"\]: must be < 3, given 9'),
     (roughvol.card, xr.Dataset(), "a study is a file, a mapping or a Study, given a value of the type Dataset"),
     (roughvol.run, xr.Dataset(), "a study is a file, a mapping or a Study, given a value of the type Dataset"),
+    (roughvol.campaign.estimate, {}, "a study is a Study, as of roughvol.load, given a value of the type dict"),
     (roughvol.open, 3, "a run is a name or a path, given a value of the type int"),
     (roughvol.show, b"joint", "a run is a name, a path or a dataset, given a value of the type bytes"),
     (roughvol.compare, "joint", f"{RUNS}str"),

@@ -65,6 +65,7 @@ def test_every_variable_is_a_quantity_with_the_values_that_are_stored(
             assert found.units == units.Quantity(1.0, variable.attrs.get("units", "1")).units
     leak = ds["leak_rate"].values * convert(1.0, "mm^3/s", "ml/min")
     np.testing.assert_allclose(ds.roughvol.quantity("leak_rate", "ml/min").magnitude, leak, rtol=1e-12)
+    assert ds.roughvol.in_units(nominal_pressure=1 * units.kPa)["nominal_pressure"].attrs["units"] == "kPa"
 
 
 def test_a_throughput_is_at_the_temperature_of_the_gas_and_a_standard_volume_at_0_degrees(

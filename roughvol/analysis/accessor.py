@@ -133,7 +133,7 @@ class Accessor:
         ----------
         **wanted : str or Unit
             Unit by the name of a variable, as ``nominal_pressure="kPa"``. Leaks at recorded states have the unit of
-            ``leak_rate``, and ranges over surfaces that of their number.
+            ``leak_rate``, and ranges over surfaces that of their number. Coordinates, as ``L``, keep theirs.
 
         Returns
         -------
@@ -160,7 +160,9 @@ class Accessor:
         """
         if absent := [name for name in wanted if name not in self._ds]:
             raise DatasetError(ABSENT.format(absent[0]))
-        texts = {name: str(text_of_value(unit, name)) for name, unit in wanted.items()}
+        if kept := [name for name in wanted if name in self._ds.coords]:
+            raise DatasetError(f"{kept[0]} is a coordinate and keeps its unit; ds.roughvol.quantity converts it")
+        texts = {name: str(text_of_value(unit, name)).removeprefix("1 ") for name, unit in wanted.items()}
         found = units.in_units(self._ds, dict(texts))
         for name, unit in texts.items():
             if (own := found[name].attrs.get("units")) != unit:

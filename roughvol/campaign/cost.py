@@ -23,7 +23,7 @@ from roughvol.ensemble.cost import expected_seconds, observable_seconds
 from roughvol.errors import CampaignError, ResourceError
 from roughvol.observables import requests
 from roughvol.observables.variables import OBSERVABLES
-from roughvol.study import ACCURACY, EXPECTED, Case, Study
+from roughvol.study import ACCURACY, EXPECTED, Case, Study, check_type
 from roughvol.typing import Shape, Sides
 
 # Bytes, from the growth of the largest resident set of `run_case` at m = 9 and 10 (D = 2.5).
@@ -163,6 +163,7 @@ def estimate(study: Study, jobs: int | None = None) -> Estimate:
     >>> found.cases, found.steps, found.seconds < 60.0
     (6, 60, True)
     """
+    check_type(study, Study, "a study is a Study, as of roughvol.load", CampaignError)
     return _estimate(study.cases(), jobs)
 
 

@@ -72,16 +72,15 @@ def differences(old: Study, new: Study) -> list[str]:
     """Return the settings that change the answer of a shared case, or of all if none is shared; a line each."""
     before, after = _keys(old), _keys(new)
     both = [name for name in AXES if name in before and name in after]
-    gone = {name: [value for value in before[name] if value not in after[name]] for name in both}
-    shared = all(len(values) < len(before[name]) for name, values in gone.items())
-    lines = [f"{name}: no longer {', '.join(map(str, values))}" for name, values in gone.items() if values]
+    strange = [name for name in both if not any(value in after[name] for value in before[name])]
+    lines = [_line(before, after, name) for name in strange]
     unitless = old.record.has_units != new.record.has_units
     both_of = _with_files_of(old, new), [variant.study for variant in new.variants]
     stored, asked = (_answers(combinations, unitless=unitless) for combinations in both_of)
     if stored == asked if not (old.axes or new.axes) else any(one in asked for one in stored):
-        return [] if shared else lines
+        return lines
     lines += _changed(before, after, ("record", *AXES, *WORDS))
-    return lines or ["the surface: its file has changed"]
+    return lines or _changed(before, after, ("record", *WORDS)) or ["the surface: its file has changed"]
 
 
 def changed_keys(old: Study, new: Study) -> list[str]:
@@ -143,7 +142,7 @@ def _changed(before: Mapping[str, Any], after: Mapping[str, Any], left_out: Coll
 
     names = [name for name in dict.fromkeys([*before, *after]) if differ(name)]
     names = [name for name in names if name not in left_out and name.partition(".")[0] not in left_out]
-    return [f"{name}: {' → '.join(_shown(before, after, name))}" for name in names]
+    return [_line(before, after, name) for name in names]
 
 
 def _with_files_of(old: Study, new: Study) -> list[Study]:
@@ -188,10 +187,11 @@ def _flat(data: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]
             yield f"{before}{name}", value
 
 
-def _shown(before: Mapping[str, Any], after: Mapping[str, Any], name: str) -> list[str]:
-    """Return the two values of a key as text; lists of one item as that item."""
+def _line(before: Mapping[str, Any], after: Mapping[str, Any], name: str) -> str:
+    """Return a key with its two values; lists of one item as that item."""
     values = [keys[name] for keys in (before, after) if name in keys]
     if all(isinstance(value, list) and len(value) == 1 for value in values):
         values = [value[0] for value in values]
     texts = iter([json.dumps(value, ensure_ascii=False) for value in values])
-    return [next(texts) if name in keys else "absent" for keys in (before, after)]
+    shown = [next(texts) if name in keys else "absent" for keys in (before, after)]
+    return f"{name}: {' → '.join(shown)}"

@@ -107,7 +107,7 @@ def whole(results: Dataset) -> Dataset:
             if not results[name].size:
                 raise DatasetError(f"the dataset has no {name}; allowed: states with their labels and variables")
             label = np.atleast_1d(results[name].values)[0]
-            kept = "both axes" if name == "axis" else f"the dimension kept, as .sel(step=[{label}])"
+            kept = f"the dimension kept, as .sel(step=[{label}])" if name == "step" else "both axes; .sel of the answer"
             raise DatasetError(f"the dataset has {name} {label} alone; allowed: {kept}")
     full = widened(results)
     if "mean_pressure" in full and "step" in full.dims:

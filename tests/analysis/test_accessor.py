@@ -106,6 +106,7 @@ def test_the_last_state_of_a_pressed_map_is_its_last_step() -> None:
         (lambda ds: ds.roughvol.mean().roughvol.mean("bound"), "no dimension 'bound'; allowed: "),
         (lambda ds: ds.roughvol.in_units(mean_gap="um"), "no variable 'mean_gap'"),
         (lambda ds: ds.roughvol.derived().roughvol.in_units(mean_gap="MPa"), "not converted to 'MPa'"),
+        (lambda ds: ds.roughvol.in_units(L="mm"), "L is a coordinate and keeps its unit; ds.roughvol.quantity"),
     ],
 )
 def test_a_question_without_an_answer_is_refused(swept: Dataset, call: Any, message: str) -> None:

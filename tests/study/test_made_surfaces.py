@@ -88,7 +88,9 @@ def test_another_spectrum_is_another_study() -> None:
     (line,) = same_study.differences(old, loads(STUDY.replace("rolloff: 4", "rolloff: 5")))
     assert line == "surface.rolloff: 4.0 → 5.0"
     lines = same_study.differences(old, loads(STUDY.replace("H: 0.8", "H: 0.7")))
-    assert lines[0] == "surface.H: no longer 0.8"
+    assert lines[0] == "surface.H: 0.8 → 0.7"
+    finest = loads(STUDY.replace("n: 32", "n: [32, 64]"))  # the default of the cut follows the largest n
+    assert same_study.differences(finest, old) == ["surface.n: [32, 64] → [32]"]
 
 
 def test_check_and_report_describe_a_spectrum(tmp_path: Path) -> None:
