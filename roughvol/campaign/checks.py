@@ -18,7 +18,6 @@ from roughvol.study.sections.seal import check_alike
 from roughvol.surfaces.surface import Surface, intervals
 
 READ_HERE = (".npy", ".npz", ".txt", ".csv", ".xyz", ".asc")  # their readers do not crash
-DEPTHS = ("indentation", "separation")  # states that may lie beyond full contact
 READ_SECONDS, READ_RATE = 60.0, 1e6  # time allowed to read a file: seconds, and bytes per further second
 
 
@@ -49,10 +48,14 @@ def check_surfaces(study: Study, made: Collection[Path] = ()) -> Surface | None:
             arrays_of_case(study.cases()[0])
     if isinstance(given, MadeSurface):
         with study.placing():
-            for case in {(case.shape, case.kernel, case.D): case for case in study.cases()}.values():
+            cases = study.cases()
+            alike = {(case.shape, case.kernel, case.D): case for case in cases}
+            for case in alike.values():
                 _check_shape(case)
-                if case.sides != "free" and any(level.kind in DEPTHS for _, level in case.sweep.states()):
-                    _check_depth(case, surface_of(case))
+            for case in cases:
+                kinds = {level.kind for _, level in case.sweep.states()} if case.sides != "free" else set()
+                if "indentation" in kinds or ("separation" in kinds and case in alike.values()):
+                    _check_depth(case, surface_of(case))  # full contact is at a Δ/σ of each surface, and at d = 0
         return None
     files = [Path(body.file) for one in given.each for body in one.bodies]
     here = all(file in made or file.suffix.lower() in READ_HERE for file in files)

@@ -100,7 +100,7 @@ def test_a_changed_value_that_does_not_fit_the_surface_is_placed_at_the_change(
 
 
 def test_a_sweep_of_generated_surfaces_beyond_full_contact_is_refused_at_its_step() -> None:
-    text = "surface: {D: [2.1, 2.9], m: 4, sides: mirrored, seeds: [1]}\nsweep: {indentations: [1, 2.5]}"
+    text = "surface: {D: [2.1, 2.9], m: 4, sides: mirrored, seeds: [1, 3]}\nsweep: {indentations: [1, 2.5]}"
     said = r":2: sweep\.indentations\[1\]: a sweep to indentation=2.5 would end at .* up to 2.14995, full contact"
     with pytest.raises(StudyError, match=said):
         check_surfaces(loads(text, file="study.yaml"))
