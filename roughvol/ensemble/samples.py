@@ -7,13 +7,14 @@ machine. Measured times vary with the load of a machine, and so would the number
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from roughvol.ensemble import cost
 from roughvol.ensemble.targets import Arrays, Target, series_of, targets_of
+from roughvol.errors import StudyError
 from roughvol.study import Case, Ensemble, MadeSurface, Study, levels_below
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
@@ -123,8 +124,13 @@ class SampleTable:
         assert case.D is not None
         assert case.m is not None
         series = series_of(arrays)
+        try:
+            values = np.array([target.value(series, case) for target in self.targets])
+        except StudyError as error:
+            words = f"; m = {case.m} is a coarser level of the estimate at m = {self.finest}" * (case.m < self.finest)
+            raise StudyError([replace(one, message=f"{one.message}{words}") for one in error.problems]) from error
         sample = Sample(
-            np.array([target.value(series, case) for target in self.targets]),
+            values,
             np.array([_solver_error(arrays, target) for target in self.targets]),
             cost_of(case, arrays),
         )
