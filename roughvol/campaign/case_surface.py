@@ -10,6 +10,7 @@ from dataclasses import replace
 from threadpoolctl import ThreadpoolController
 
 from roughvol.contact.kernels import Kernel, kernel_of
+from roughvol.errors import Problem, StudyError, SurfaceError
 from roughvol.study import Case
 from roughvol.surfaces import measured
 from roughvol.surfaces.midpoint import random_midpoint_displacement
@@ -37,8 +38,11 @@ def surface_of(case: Case) -> Surface:
     assert case.m is not None
     assert case.seed is not None
     if case.spectrum is not None:
-        with one_thread():
-            made = power_law_surface(case.spectrum, 3.0 - case.D, 2**case.m, side=case.L, seed=case.seed)
+        try:
+            with one_thread():
+                made = power_law_surface(case.spectrum, 3.0 - case.D, 2**case.m, side=case.L, seed=case.seed)
+        except SurfaceError as error:  # not every surface has the skewness
+            raise StudyError([Problem(f"{case.label}: {error}", "surface.Ssk")]) from error
     else:
         assert case.midpoint_law is not None
         made = random_midpoint_displacement(

@@ -93,6 +93,12 @@ def test_another_spectrum_is_another_study() -> None:
     assert same_study.differences(finest, old) == ["surface.n: [32, 64] → [32]"]
 
 
+def test_a_surface_that_cannot_have_the_skewness_is_named() -> None:
+    study = loads("surface: {H: 0.8, n: 16, cut: 3, Ssk: 2.9, seeds: [7]}")
+    with pytest.raises(StudyError, match=r"^surface\.Ssk: D = 2\.20, m = 4, seed 7: Ssk = 2\.9 is out of reach"):
+        surface_of(study.cases()[0])
+
+
 def test_check_and_report_describe_a_spectrum(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text(STUDY + "sweep: {steps: 1, to: {pressure: 0.1}}\nrecord: {psd: true}\n")
     assert "surface 33 x 33 nodes" in said("check", tmp_path / "s.yaml")
