@@ -140,6 +140,7 @@ WRONG: list[tuple[Callable[[Any], Any], Any, str]] = [
     (lambda load: roughvol.show(pressed(), load), {"pressure": []}, "pressure has no value; allowed: a value or a"),
     (load_creep, "law\0.yaml", r"law\\x00\.yaml: cannot read the creep law: embedded null byte"),
     (lambda L: roughvol.check(TINY, changes={"surface.L": L}), np.nan, r"changes: surface\.L: must be a finite number"),
+    (lambda z: roughvol.check(TINY, changes={"surface.heights": z}), np.eye(3), ".* surface.heights of the study"),
     (lambda L: roughvol.check(TINY, changes={"surface.L": L}), -(10**400), r"changes: surface\.L: .* beyond 1\.8e308"),
     (lambda leak: roughvol.ask(pressed(), leak_rate=leak), np.nan, "leak_rate: must be a finite number, given nan"),
     (lambda changes: roughvol.check(TINY, changes=changes), 3, "changes are a mapping, .* the type int"),

@@ -104,7 +104,7 @@ def plain(value: Any, problems: dict[KeyPath, str], path: KeyPath = ()) -> Any:
         return text
     if getattr(number, "ndim", 0) > 1:
         message = f"must be {ALLOWED}, given an array of shape {number.shape}"
-        problems[path] = f"{message}; heights in memory are surface.heights"
+        problems[path] = f"{message}; heights in memory are surface.heights of the study itself"
         return None
     if hasattr(number, "dimensionality"):  # a unit of pint
         return f"{number:~C}"
