@@ -72,8 +72,7 @@ def differences(old: Study, new: Study) -> list[str]:
     """Return the settings that change the answer of a shared case, or of all if none is shared; a line each."""
     before, after = _keys(old), _keys(new)
     both = [name for name in AXES if name in before and name in after]
-    strange = [name for name in both if not any(value in after[name] for value in before[name])]
-    lines = [_line(before, after, name) for name in strange]
+    lines = [_line(before, after, name) for name in both if _are_apart(before[name], after[name])]
     unitless = old.record.has_units != new.record.has_units
     both_of = _with_files_of(old, new), [variant.study for variant in new.variants]
     stored, asked = (_answers(combinations, unitless=unitless) for combinations in both_of)
@@ -81,6 +80,12 @@ def differences(old: Study, new: Study) -> list[str]:
         return lines
     lines += _changed(before, after, ("record", *AXES, *WORDS))
     return lines or _changed(before, after, ("record", *WORDS)) or ["the surface: its file has changed"]
+
+
+def _are_apart(old: list[Any] | str, new: list[Any] | str) -> bool:
+    """Return whether two lists have no value in common; the word auto is a value of its own."""
+    first, second = ([values] if isinstance(values, str) else values for values in (old, new))
+    return not any(value in second for value in first)
 
 
 def changed_keys(old: Study, new: Study) -> list[str]:

@@ -91,6 +91,11 @@ def test_another_spectrum_is_another_study() -> None:
     assert lines[0] == "surface.H: 0.8 → 0.7"
     finest = loads(STUDY.replace("n: 32", "n: [32, 64]"))  # the default of the cut follows the largest n
     assert same_study.differences(finest, old) == ["surface.n: [32, 64] → [32]"]
+    number, word = (
+        loads(f"surface: {{D: 2.3, m: {m}}}\nensemble: {{accuracy: {{free_volume: 5 %}}}}") for m in (8, "auto")
+    )
+    assert same_study.differences(number, word) == ['surface.m: [8] → "auto"']
+    assert same_study.differences(word, number) == ['surface.m: "auto" → [8]']
 
 
 def test_a_surface_that_cannot_have_the_skewness_is_named() -> None:
