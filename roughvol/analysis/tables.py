@@ -76,17 +76,24 @@ def range_text(counts: Sequence[int]) -> str:
 
 
 def rounded(value: float, low: float, high: float, *, upwards: bool | None = None) -> str:
-    """Return a number in the digits that its interval leaves, two to six of them: the nearest, or on one side."""
+    """Return a number in the digits that its interval leaves, two to six of them: the nearest, or on one side.
+
+    A number whose interval is not known has two digits. A number without error has four at most.
+    """
     half = 0.5 * (high - low)
-    if not (math.isfinite(value) and value != 0.0 and math.isfinite(half) and half > 0.0):
+    if not (math.isfinite(value) and value != 0.0):
         return number(value)
-    size = math.floor(math.log10(abs(value)))
-    digits = min(max(size - math.floor(math.log10(half)) + 1, 2), 6)
+    size, known = math.floor(math.log10(abs(value))), math.isfinite(half) and half > 0.0
+    digits = 4 if half == 0.0 else 2
+    if known:
+        digits = min(max(size - math.floor(math.log10(half)) + 1, 2), 6)
     decimals = digits - 1 - size
     last = 10.0**-decimals
     if upwards is not None:
         value = last * (math.ceil(value / last - SLACK) if upwards else math.floor(value / last + SLACK))
     value = round(value, decimals)
+    if not known:
+        return number(value, digits)
     if not SMALLEST <= abs(value) < LARGEST:
         return _short_power(f"{value:.{digits - 1}e}")
     return f"{value:.{max(decimals, 0)}f}"

@@ -126,7 +126,7 @@ def _of_budget(answer: Answer) -> str:
 
 def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
     """Return a read-off in words."""
-    from roughvol.analysis.tables import number, rounded
+    from roughvol.analysis.tables import rounded
 
     of_pressure = unknown == "pressure"
     first, last = (_load(answer, end, in_units=of_pressure) for end in (0, 1))
@@ -143,12 +143,14 @@ def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
         every = f" on all {answer.surfaces} surfaces" if answer.surfaces > 1 else ""
         known = f"{'is closed' if closed else 'leaks less'}{every}"
         if of_pressure:
-            return f"any pressure of {last} or more: the first known load {known}; smaller loads are not known"
-        most = f"{'E* = ' if unknown == 'modulus' else ''}{number(answer.low)}{unit}"
+            least = _load(answer, 1, in_units=True, upwards=True)
+            return f"any pressure of {least} or more: the first known load {known}; smaller loads are not known"
+        most = f"{'E* = ' if unknown == 'modulus' else ''}{_rounded(answer.low, upwards=False)}{unit}"
         return f"any {unknown} up to {most}: the first known load, {last}, {known}; a larger {unknown} is not known"
     if not answer.found:
         return f"no {unknown} within the stored loads, up to {first}{of}"
     closes = ", where the last way closes" if answer.nominal.closing else ""
+    between = f"{_rounded(answer.low, upwards=False)} to {_rounded(answer.high, upwards=True)}"
     if closes and answer.budget is None and answer.nominal.low < answer.steps[0]:
         steps = ""  # a seal closes between the steps of several patches
     by_itself = math.isclose(answer.nominal.high, answer.steps[1])  # no other surface ends the interval
@@ -158,40 +160,42 @@ def _words(answer: Answer, unknown: str, *, closed: bool) -> str:
         open_, closed_ = ("", "") if of_pressure else (f", {first},", f", {last}")  # the ends of the interval
         begin = f"from the last open step{open_} " if begins else ""
         closes, steps = "", f"{begin}to the closing of the last way{closed_}"
-        text = f"{name} {number(answer.low)} to {number(answer.high)}{unit}"
+        text = f"{name} {between}{unit}"
     elif closes and answer.low < answer.value == answer.high:
-        text = f"{name} {number(answer.low)} to {number(answer.high)}{unit}"
+        text = f"{name} {between}{unit}"
         steps = "" if (answer.low, answer.high) == answer.steps else steps
     else:
-        ends = math.isfinite(answer.high)
-        value = rounded(answer.value, answer.low, answer.high, upwards=of_pressure) if ends else number(answer.value, 2)
+        value = rounded(answer.value, answer.low, answer.high, upwards=of_pressure)
         text = f"{name} {value}{unit}{_interval(answer, unknown, unit)}"
     text += closes
     if not of_pressure:
-        text += f", {number(answer.times, 3)} times the {'E*' if unknown == 'modulus' else 'Sq'} of the study"
+        scale = answer.times / answer.value
+        times = rounded(answer.times, scale * answer.low, scale * answer.high, upwards=False)
+        text += f", {times} times the {'E*' if unknown == 'modulus' else 'Sq'} of the study"
     return ", ".join(filter(None, (text, steps))) + of
 
 
-def _load(answer: Answer, end: int, *, in_units: bool) -> str:
-    """Return a load beside an answer: a nominal pressure where the study has units, or p*."""
-    from roughvol.analysis.tables import number
+def _rounded(value: float, *, upwards: bool | None = None) -> str:
+    """Return a number in four digits: the nearest, or on one side."""
+    from roughvol.analysis.tables import rounded
 
+    return rounded(value, value, value, upwards=upwards)
+
+
+def _load(answer: Answer, end: int, *, in_units: bool, upwards: bool | None = None) -> str:
+    """Return a load beside an answer: a nominal pressure where the study has units, or p*."""
     if in_units and answer.load_unit != "1":
-        return f"{number(answer.steps[end])} {answer.load_unit}"
-    return f"p* = {number(answer.between[end])}"
+        return f"{_rounded(answer.steps[end], upwards=upwards)} {answer.load_unit}"
+    return f"p* = {_rounded(answer.between[end], upwards=upwards)}"
 
 
 def _interval(answer: Answer, unknown: str, unit: str) -> str:
     """Return the interval of an answer in words, rounded outwards; with errors its safe end."""
-    from roughvol.analysis.tables import number, rounded
+    from roughvol.analysis.tables import rounded
 
-    bounded = math.isfinite(answer.high)
     ends = (answer.low, answer.high)
-    low, high = (
-        rounded(end, *ends, upwards=upwards) if bounded else number(end, 2)
-        for end, upwards in zip(ends, (False, True), strict=True)
-    )
-    known = answer.low > 0.0, bounded
+    low, high = (rounded(end, *ends, upwards=upwards) for end, upwards in zip(ends, (False, True), strict=True))
+    known = answer.low > 0.0, math.isfinite(answer.high)
     if not any(known):
         return ", its error is not known"
     words = {(True, True): f"{low} to {high}", (False, True): f"up to {high}", (True, False): f"{low} or more"}[known]

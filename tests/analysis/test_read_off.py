@@ -127,7 +127,7 @@ def test_a_closed_joint_without_units_is_asked_for_by_p_star(here: Path) -> None
     ds = roughvol.open("plain").isel(D=0, m=0)
     last = [np.flatnonzero(row)[-1] for row in ds.percolates.sel(axis="x").values > 0]
     low = max(float(p[k]) for p, k in zip(ds.mean_pressure.values, last, strict=True))
-    assert f"\nalong x: p* = {low:.4g} to " in said("ask", "plain", "--closed")
+    assert f"\nalong x: p* = {rounded(low, low, low, upwards=False)} to " in said("ask", "plain", "--closed")
     assert "needs pressures with units" in refused("ask", "plain", "--closed", "--for", "Sq", "--at", "p=0.3")
     for both in ((), ("--closed", "--leak-rate", "1 mm^3/s")):
         assert "either --leak-rate VALUE or --closed" in refused("ask", "plain", *both)
@@ -189,12 +189,9 @@ def test_ways_are_open_where_any_record_has_them_open(here: Path, elsewhere: str
     text = "surface: {D: 2.3, m: 3, seeds: 1, L: 100 um}\nsweep: {steps: 5, to: percolation}\n"
     text += "fluid: {gas: helium, inlet: 2 bar, outlet: 1 bar}\n" * elsewhere.startswith("gas")
     ran("last", f"{text}record: {{transport: {{percolation: last, {elsewhere}}}}}\n")
-    p = roughvol.open("last").mean_pressure.values.ravel()
-    closes = (
-        f"p* = {p[-2]:.4g} to {p[-1]:.4g}, where the last way closes"
-        if elsewhere
-        else f"any pressure of p* = {p[-1]:.4g}"
-    )
+    low, high = roughvol.open("last").mean_pressure.values.ravel()[-2:]
+    low, high = rounded(low, low, low, upwards=False), rounded(high, high, high, upwards=True)
+    closes = f"p* = {low} to {high}, where the last way closes" if elsewhere else f"any pressure of p* = {high}"
     assert f"\nalong x: {closes}" in said("ask", "last", "--closed")
 
 
@@ -485,6 +482,8 @@ def test_digits_follow_the_interval(value: float, low: float, high: float, text:
         (2.51e-7, 2.4e-7, 2.6e-7, ("2.5e-7", "2.6e-7")),
         (1234.5, 1100.0, 1400.0, ("1200", "1300")),
         (0.5, 0.5, 0.5, ("0.5", "0.5")),
+        (0.20863, 0.20863, 0.20863, ("0.2086", "0.2087")),
+        (0.1149, 0.0, math.inf, ("0.11", "0.12")),
     ],
 )
 def test_a_number_is_rounded_to_its_safe_side(value: float, low: float, high: float, texts: tuple[str, str]) -> None:
@@ -502,6 +501,9 @@ def test_an_answer_is_rounded_to_where_the_leak_is_smaller(closing: Dataset) -> 
             assert printed[0] >= answer.value - slack if unknown == "pressure" else printed[0] <= answer.value + slack
             if "(" in words:
                 assert printed[1] <= answer.low + slack <= answer.high <= printed[2] + slack
+            if unknown != "pressure":
+                (times,) = re.findall(r"([\d.e-]+) times the", words)
+                assert float(times) <= answer.times * 1.0001
 
 
 def test_a_solved_closing_load_ends_the_reading(tmp_path: Path) -> None:
@@ -526,7 +528,7 @@ def test_a_solved_closing_load_ends_the_reading(tmp_path: Path) -> None:
     printed = said("ask", folder, "--leak-rate", "1e-30 mm^3/s")
     value, last = answers[1].value, answers[1].steps[0]
     words = "from the last open step to the closing of the last way"
-    assert f"along y: pressure 0.02 to {value:.4g} MPa, {words}\n" in printed
+    assert f"along y: pressure 0.02 to {rounded(value, value, value, upwards=True)} MPa, {words}\n" in printed
     assert f"where the last way closes, beyond {last:.4g} MPa" in said("ask", folder, "--closed")
     assert "where the last way closes" in said("ask", folder, "--leak-rate", "1e-30 mm^3/s", "--budget", "--jobs", "1")
 
