@@ -559,7 +559,7 @@ def test_a_load_that_is_none_is_refused_by_name(sweep: str, at: str, words: str)
     ("leak", "words"),
     [
         ((2.79e-4, "mm^3/s"), "0.28 mm³ in 1000 s"),
-        ((2.79e-4, "mm^3/s", (1.26e-4, 6.19e-4)), "0.28 mm³ in 1000 s, between 0.13 and 0.62"),
+        ((2.79e-4, "mm^3/s", (1.26e-4, 6.19e-4)), "0.28 mm³ in 1000 s, between 0.12 and 0.62"),
         ((2.79e-4, "mm^3/s", (2.77e-4, 2.81e-4)), "0.279 mm³ in 1000 s, between 0.277 and 0.281"),
         ((1e-5, "mm^3/s"), "0.86 mm³ in a day"),
         ((4e-9, "mm^3/s"), "0.13 mm³ in a year"),

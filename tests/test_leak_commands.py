@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 import roughvol
 from roughvol.analysis import leak_curve
-from roughvol.analysis.tables import rounded
+from roughvol.analysis.tables import with_interval
 from roughvol.campaign import card as card_runs
 from roughvol.report import card_page, card_text
 from roughvol.store import dataset
@@ -183,7 +183,7 @@ def test_the_leak_of_a_gas_has_the_factors_of_the_liquid(monkeypatch: pytest.Mon
     assert row[7:10] == (leak, low, high)
     fact = dict(card_text.load_facts(found))[f"L{gas.words[1:]}"]
     assert fact.startswith("x {} ({} to {}), ".format(*map(card_text.short, (leak, low, high))))
-    value, *ends = (rounded(end, low, high) for end in (leak, low, high))
+    value, *ends = with_interval(leak, low, high)
     words = f"{value} sccm of the gas, between {' and '.join(ends)}; of a liquid T* V*³ = "
     assert card_text.answer(found, way).startswith(words)
     read, whole = (roughvol.ask("gas", leak_rate=leak, budget=budget, jobs=1).answers[0] for budget in (False, True))

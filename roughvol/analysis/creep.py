@@ -25,7 +25,7 @@ from roughvol.analysis.average import average
 from roughvol.analysis.leak_card import Card
 from roughvol.analysis.leak_curve import Curve, curves, surfaces
 from roughvol.analysis.read_off import errors_of, seal_words
-from roughvol.analysis.tables import Table, evenly, number, rounded
+from roughvol.analysis.tables import Table, evenly, number, rounded, with_interval
 from roughvol.observables.at_state import at_state
 from roughvol.study import Creep, loads, refused
 from roughvol.study.plain_data import finite
@@ -313,7 +313,7 @@ def _leak(leak: OverSurfaces, k: int) -> str:
 
 def _interval(leak: OverSurfaces, k: int) -> str:
     """Return an interval with errors."""
-    low, high = (number(float(end[k]), 2) for end in (leak.low, leak.high))
+    _, low, high = with_interval(*(float(of[k]) for of in (leak.value, leak.low, leak.high)))
     return "unknown" if "–" in (low, high) else f"{low} to {high}"
 
 

@@ -97,3 +97,10 @@ def rounded(value: float, low: float, high: float, *, upwards: bool | None = Non
     if not SMALLEST <= abs(value) < LARGEST:
         return _short_power(f"{value:.{digits - 1}e}")
     return f"{value:.{max(decimals, 0)}f}"
+
+
+def with_interval(value: float, low: float, high: float, *, upwards: bool | None = None) -> tuple[str, str, str]:
+    """Return a number as `rounded` does, and its interval in as many digits, rounded outwards."""
+    sides = (value, upwards), (low, False), (high, True)
+    first, second, third = (rounded(end, low, high, upwards=side) for end, side in sides)
+    return first, second, third

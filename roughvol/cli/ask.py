@@ -191,10 +191,9 @@ def _load(answer: Answer, end: int, *, in_units: bool, upwards: bool | None = No
 
 def _interval(answer: Answer, unknown: str, unit: str) -> str:
     """Return the interval of an answer in words, rounded outwards; with errors its safe end."""
-    from roughvol.analysis.tables import rounded
+    from roughvol.analysis.tables import with_interval
 
-    ends = (answer.low, answer.high)
-    low, high = (rounded(end, *ends, upwards=upwards) for end, upwards in zip(ends, (False, True), strict=True))
+    _, low, high = with_interval(answer.value, answer.low, answer.high)
     known = answer.low > 0.0, math.isfinite(answer.high)
     if not any(known):
         return ", its error is not known"

@@ -13,7 +13,7 @@ from roughvol.analysis.leak_card import Beside, Card, SealLeak, Way
 from roughvol.analysis.legs import legs_of
 from roughvol.analysis.seal import NO_LEAK, sizes_of
 from roughvol.analysis.stored_run import Run
-from roughvol.analysis.tables import Table, number, rounded
+from roughvol.analysis.tables import Table, number, with_interval
 from roughvol.campaign import validity
 from roughvol.observables.variables import AXES
 from roughvol.report.figures.origin import region_of
@@ -37,16 +37,17 @@ OF_EACH = ("Nodes", "Size", "Treatment", "Missing heights")  # facts of several 
 NAMED = 60  # most letters of the files of a fact that are named
 
 
-def amount(leak: float, unit: str, interval: tuple[float, float] = (math.nan, math.nan)) -> str:
-    """Return a leak as a person says it, as ``0.28 mm³ in 1000 s, between 0.13 and 0.62``; digits follow the interval.
+def amount(
+    leak: float, unit: str, interval: tuple[float, float] = (math.nan, math.nan), *, upwards: bool | None = None
+) -> str:
+    """Return a leak as a person says it, as ``0.28 mm³ in 1000 s, between 0.12 and 0.62``; digits follow the interval.
 
-    Volume and time are such that the amount lies between 0.1 and 1000, the volume that of the study if possible.
+    Volume and time are such that the amount lies between 0.1 and 1000, the volume that of the study if possible. The
+    largest leak of a closed joint is rounded ``upwards``.
     """
     factor, volume, time = _said(leak, unit)
-    value, *ends = (factor * number for number in (leak, *interval))
-    known = all(map(math.isfinite, ends))
-    words, *limits = (rounded(leak, *ends) if known else number(leak, 2) for leak in (value, *ends))
-    between = f", between {limits[0]} and {limits[1]}" if known else ""
+    words, low, high = with_interval(*(factor * number for number in (leak, *interval)), upwards=upwards)
+    between = f", between {low} and {high}" if all(map(math.isfinite, interval)) else ""
     if not unit:
         return f"T* V*³ = {words}{between}"
     rate = f"{words} {unit_text(volume)}"
@@ -104,14 +105,14 @@ def _leaks(card: Card, way: Way) -> str:
         return middle + liquid
     most = way.interval[1]
     bounded = math.isfinite(most) and most > 0.0
-    return "closed on this grid" + (f", at most {of_liquid}{amount(most, way.unit)}" if bounded else "")
+    return "closed on this grid" + (f", at most {of_liquid}{amount(most, way.unit, upwards=True)}" if bounded else "")
 
 
 def _of_gas(leak: float, unit: str, interval: tuple[float, float]) -> str:
     """Return the leak of a gas with its interval; digits follow the interval."""
     if not all(map(math.isfinite, interval)):
         return f"{short(leak)} {unit_text(unit)} of the gas"
-    value, low, high = (rounded(end, *interval) for end in (leak, *interval))
+    value, low, high = with_interval(leak, *interval)
     return f"{value} {unit_text(unit)} of the gas, between {low} and {high}"
 
 
@@ -143,11 +144,11 @@ def tight(way: Way, *, legs: bool = False) -> str:
 
 
 def _tight_above(load: float, ends: tuple[float, float], unit: str, mean: str = "", unknown: str = "") -> str:
-    """Return a load that closes with its interval; digits follow the interval."""
+    """Return a load that closes with its interval, rounded upwards; digits follow the interval."""
     name, unit = ("", f" {unit}") if unit else ("p* = ", "")
+    value, low, high = with_interval(load, *ends, upwards=True)
     if not all(map(math.isfinite, ends)):
-        return f"tight above {name}{number(load, 2)}{unit}{mean}, its error is not known {unknown}".rstrip()
-    value, low, high = (rounded(end, *ends) for end in (load, *ends))
+        return f"tight above {name}{value}{unit}{mean}, its error is not known {unknown}".rstrip()
     return f"tight above {name}{value}{unit}{mean}, between {low} and {high}"
 
 
@@ -298,7 +299,7 @@ def seal(of_seal: SealLeak, *, legs: bool = False) -> str:
         leaks = f"leaks {leaks}" if of_seal.gas_unit or of_seal.unit else f"has {leaks}"
     else:
         bounded = math.isfinite(most) and most > 0.0
-        leaks = "is closed" + (f", and leaks at most {amount(most, of_seal.unit)}" if bounded else "")
+        leaks = "is closed" + (f", and leaks at most {amount(most, of_seal.unit, upwards=True)}" if bounded else "")
     known = math.isnan(of_seal.leak) or all(map(math.isfinite, of_seal.interval))
     unknown = "" if known else "; its error is not known"
     closing = "the load that closes it is not known"
