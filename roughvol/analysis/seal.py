@@ -60,7 +60,7 @@ ENDS = (0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE)
 LONGEST = 0.25  # largest variance of the waves as long as the map over that of the highest octave
 LEAKS = {"leak_rate": "seal_leak_rate", "gas_leak_rate": "seal_gas_leak_rate"}
 NO_LEAK = (
-    "no surface is pressed to this load, the surfaces have different pressures there, or the leak of a surface is "
+    "no open surface is pressed to this load, the surfaces have different pressures there, or the leak of a surface is "
     "known along one axis alone"
 )
 NO_ROLL_OFF = (
@@ -351,7 +351,7 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
             median(patch, some, isotropic=alike, draws=draws) if one_load else math.nan
             for some, one_load in zip(states_of, have_one, strict=True)
         ]
-        every = np.isfinite(states_of).all(axis=(1, 2)) & (states.sizes["seed"] == surfaces.sizes["seed"])
+        every = states.sizes["seed"] == surfaces.sizes["seed"]
         values = np.where(every | (np.array(known) != 0.0), known, math.nan)
         median_leaks = leaks.isel(axis=0, drop=True).copy()
         median_leaks.values = np.broadcast_to(np.reshape(values, (-1, 1) if several else (1,)), median_leaks.shape)
@@ -364,13 +364,14 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
 def median(patch: Patch, leaks: Array, *, isotropic: bool, draws: int = DRAWS) -> float:
     """Return the leak of a seal whose patches have leaks along x and y; NaN without `known_of` them.
 
-    So does a gas: between two pressures its throughput goes with p², and G of viscous flow is that of the liquid.
+    A leak of 0 is NaN too where a patch is not known: it may be open. A gas goes the same way: between two pressures
+    its throughput goes with p², and G of viscous flow is that of the liquid.
     """
     known = known_of(patch.conductances(leaks, in_units=True))
     if not len(known):
         return math.nan
     found = conductance_of(known[:, np.newaxis], patch.patches, isotropic=isotropic and len(known) > 1, draws=draws)
-    return found.value * patch.squares
+    return math.nan if found.value == 0.0 and len(known) < len(leaks) else found.value * patch.squares
 
 
 def known_of(leaks: Array) -> Array:

@@ -476,7 +476,7 @@ def test_a_seal_has_no_known_leak_beyond_a_sweep_that_ended_closed_along_one_axi
     card, of_seal = _card(ALONE.replace("to: percolation", "to: {percolation: x}"), AT, tmp_path)
     assert [way.leak.value for way in card.ways] == pytest.approx([0.0, math.nan], nan_ok=True)
     assert of_seal.plain()["leak"] is None
-    assert "no surface is pressed to this load" in card_text.seal(of_seal)
+    assert "no open surface is pressed to this load" in card_text.seal(of_seal)
 
 
 def test_patches_at_different_pressures_make_no_seal(tmp_path: Path) -> None:
@@ -492,6 +492,19 @@ def test_patches_at_different_pressures_make_no_seal(tmp_path: Path) -> None:
     assert (card_text.seal_details(of_seal), of_seal.parts) == ([], ())
     (page,) = found.pages
     assert not [one.title for one in card_page.document(page).sections if "seal" in one.title]
+
+
+def test_the_interval_is_not_known_where_a_surface_is_not_pressed_to_the_load(tmp_path: Path) -> None:
+    study = loads(COARSE.replace(SWEEP, "steps: 2, to: {contact_area: 0.15}"))
+    ends = np.sort(roughvol.run(study, out=tmp_path / "run", jobs=1).nominal_pressure.max("step").values.ravel())
+    found = roughvol.card(study, f"pressure={ends[:2].mean()} MPa", out=tmp_path / "card", jobs=1)
+    (card,) = found.cards.values()
+    assert card.seal is not None
+    for parts in (*(way.parts for way in card.ways), card.seal.parts):
+        (window,) = (part for part in parts if part.name == "window")
+        assert (window.known, window.words) == (False, "1 of 3 surfaces are not pressed to this load")
+    patch = seal.Patch(loads(TEXT).seal, (0.5, 0.5), "mm", 1.0)
+    assert math.isnan(seal.median(patch, np.array([[0.0, 0.0], [math.nan, math.nan]]), isotropic=True))
 
 
 def test_a_seal_is_not_known_to_be_closed_where_the_sweep_of_a_patch_ended_open(tmp_path: Path) -> None:

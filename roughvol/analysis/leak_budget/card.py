@@ -31,7 +31,7 @@ from roughvol.analysis.leak_budget.state import (
     per_starred,
     surfaces_at_load,
 )
-from roughvol.analysis.leak_budget.window import window_part, window_part_of_load
+from roughvol.analysis.leak_budget.window import absent_words, window_part, window_part_of_load
 from roughvol.analysis.leak_card import Beside, Card, SealLeak, Way, by_factors
 from roughvol.analysis.parts import Part, together
 from roughvol.analysis.seal import Patch
@@ -136,6 +136,8 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     except SurfaceError:  # a region of two rows
         doubt = seal.NO_ROLL_OFF
     closing, of_load = _closing_of_seal(fine, patch, flow, isotropic=isotropic, doubt=doubt)
+    absent = absent_words(leaks[:, 0]) if len(maps) else ""
+    doubt = doubt or absent
     leak, parts, words = seal.leak_of(patch, maps, quadrants, isotropic=isotropic, doubt=doubt, shared=shared)
     gas_leak, gas_unit = math.nan, fine[0].unit(name := f"gas_{FLOW}")
     if name in fine[0].table:
@@ -146,6 +148,8 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
         if math.isfinite(gas_leak):
             of_liquid = "; its interval has the factors of the liquid" * math.isfinite(leak.high)
             words += (f"leak of {gas}: {throughput}{of_liquid}",)
+    if leak.value == 0.0 and absent:  # the others may be open
+        leak, parts, words = seal.Estimate(math.nan, math.nan, math.nan), (), ()
     if leak.value == 0.0 and not doubt:  # at most the leak of patches that close later
         most = patch.conductances(np.array([[way.at_most for way in ways]]), in_units=units)[0, 0] * patch.squares
         leak, parts = seal.Estimate(0.0, 0.0 if math.isfinite(most) else math.nan, most), flow.parts

@@ -25,14 +25,14 @@ QUADRANTS = 1.2  # quadrants of a map share its long waves: python -m tests.benc
 def window_part(fine: Sequence[Loaded], axis: str) -> Part:
     """Return the part of the window of the leak: surfaces among each other, or the quadrants of the only one.
 
-    Where surfaces or quadrants are closed, it is the part of the closing load.
+    Where surfaces or quadrants are closed, it is the part of the closing load. It is not known where a surface is not
+    pressed to the load: the others are no fair sample.
     """
     if len(fine) == 1:
         return _window_of_quadrants(fine[0], axis)
     values = np.array([surface.leak(axis) for surface in fine])
-    values = values[np.isfinite(values)]
-    if values.size < 2:
-        return Part("window", math.inf, "one surface at this load: no interval of their median")
+    if absent := absent_words(values):
+        return Part("window", math.nan, absent)
     if (values > 0.0).all():
         wider = OF_MEDIAN if values.size > 2 else 1.0  # the median of two is their mean
         words = f"{PERCENT} interval of the median over {values.size} surfaces, of logarithms by t"
@@ -43,6 +43,12 @@ def window_part(fine: Sequence[Loaded], axis: str) -> Part:
     log = math.log(of_loads.factor)
     ends = [(surface.leak_if(axis, -log), surface.leak_if(axis, log)) for surface in fine]
     return part_of_surfaces("window", fine, ends, axis, f"{closed}: from the closing load, {of_loads.words}")
+
+
+def absent_words(leaks: Array) -> str:
+    """Return how many surfaces are not pressed to the load of their leaks; empty where all are."""
+    absent = np.count_nonzero(np.isnan(leaks))
+    return f"{absent} of {leaks.size} surfaces are not pressed to this load" if absent else ""
 
 
 def _window_of_quadrants(surface: Loaded, axis: str) -> Part:
