@@ -90,7 +90,7 @@ class SealLeak(WithParts):
     - ``load_unit``: unit of nominal pressure; empty for p*
     - ``parts``, ``closing_parts``: error budgets of the leak and of the closing load
     - ``words``: how the leak was found, and what is missing
-    - ``gas_leak``, ``gas_unit``: leak of the gas of the study; NaN without one
+    - ``gas_leak``, ``gas_interval``, ``gas_unit``: leak of the gas of the study, as that of the liquid; NaN without one
     """
 
     label: str
@@ -107,11 +107,7 @@ class SealLeak(WithParts):
     closing_parts: tuple[Part, ...] = ()
     gas_leak: float = math.nan
     gas_unit: str = ""
-
-    @property
-    def gas_interval(self) -> tuple[float, float]:
-        """Smallest and largest leak of the gas; NaN where it is not known."""
-        return by_factors(self.gas_leak, self.leak, self.interval)
+    gas_interval: tuple[float, float] = (math.nan, math.nan)
 
     def plain(self) -> dict[str, Any]:
         """Return ``leak``, ``tight_above`` and their intervals as plain data: pressures in MPa, None where unknown."""

@@ -361,13 +361,13 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
     return states.assign(found)
 
 
-def median(patch: Patch, leaks: Array, *, isotropic: bool, draws: int = DRAWS) -> float:
+def median(patch: Patch, leaks: Array, *, isotropic: bool, in_units: bool = True, draws: int = DRAWS) -> float:
     """Return the leak of a seal whose patches have leaks along x and y; NaN without `known_of` them.
 
     A leak of 0 is NaN too where a patch is not known: it may be open. A gas goes the same way: between two pressures
     its throughput goes with p², and G of viscous flow is that of the liquid.
     """
-    known = known_of(patch.conductances(leaks, in_units=True))
+    known = known_of(patch.conductances(leaks, in_units=in_units))
     if not len(known):
         return math.nan
     found = conductance_of(known[:, np.newaxis], patch.patches, isotropic=isotropic and len(known) > 1, draws=draws)

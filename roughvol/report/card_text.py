@@ -103,17 +103,31 @@ def _leaks(card: Card, way: Way) -> str:
         if gas is not None and math.isfinite(throughput := gas.leaks[k].value):
             return f"{middle}{_of_gas(throughput, gas.unit, gas.intervals[k])}; {of_liquid}{liquid}"
         return middle + liquid
-    most = way.interval[1]
-    bounded = math.isfinite(most) and most > 0.0
-    return "closed on this grid" + (f", at most {of_liquid}{amount(most, way.unit, upwards=True)}" if bounded else "")
+    of_gas = (gas.intervals[AXES.index(way.axis)], gas.unit) if gas is not None else None
+    at_most = _at_most(way.interval, way.unit, of_gas)
+    return f"closed on this grid, at most {at_most}" if at_most else "closed on this grid"
 
 
-def _of_gas(leak: float, unit: str, interval: tuple[float, float]) -> str:
+def _at_most(interval: tuple[float, float], unit: str, of_gas: tuple[tuple[float, float], str] | None) -> str:
+    """Return the largest leak of a closed joint, of the gas first where its interval is given; empty without one."""
+    most = interval[1]
+    if not (math.isfinite(most) and most > 0.0):
+        return ""
+    words = amount(most, unit, upwards=True)
+    if of_gas is None:
+        return words
+    (_, gas), gas_unit = of_gas
+    throughput = f"{_of_gas(gas, gas_unit, upwards=True)}; " if math.isfinite(gas) else ""
+    return f"{throughput}{OF_LIQUID} {words}"
+
+
+def _of_gas(
+    leak: float, unit: str, interval: tuple[float, float] = (math.nan, math.nan), *, upwards: bool | None = None
+) -> str:
     """Return the leak of a gas with its interval; digits follow the interval."""
-    if not all(map(math.isfinite, interval)):
-        return f"{short(leak)} {unit_text(unit)} of the gas"
-    value, low, high = with_interval(leak, *interval)
-    return f"{value} {unit_text(unit)} of the gas, between {low} and {high}"
+    value, low, high = with_interval(leak, *interval, upwards=upwards)
+    between = f", between {low} and {high}" if all(map(math.isfinite, interval)) else ""
+    return f"{value} {unit_text(unit)} of the gas{between}"
 
 
 def _counts(way: Way) -> str:
@@ -189,7 +203,8 @@ def budget(way: Way | SealLeak) -> list[tuple[str, str, str]]:
     """Return the error budget of a way or a seal; of a closed way that of its closing load."""
     rows = [(part.name, factor(part.factor, part.smaller), _printed(part.words, way.unit)) for part in way.parts]
     together = "logarithms added in squares" if math.isfinite(way.factor) else "a part of it is not known"
-    together += "; factors of the closing load" if isinstance(way, Way) and way.leak.value == 0.0 else ""
+    value = way.leak.value if isinstance(way, Way) else way.leak
+    together += "; factors of the closing load" if value == 0.0 else ""
     return [*rows, ("together", factor(way.factor, way.smaller), together)]
 
 
@@ -288,23 +303,24 @@ def seal(of_seal: SealLeak, *, legs: bool = False) -> str:
 
     Of a sweep with ``legs`` the closing load is that of leg 1.
     """
-    most = of_seal.interval[1]
+    of_gas = (of_seal.gas_interval, of_seal.gas_unit) if of_seal.gas_unit and not of_seal.unit else None
     if not math.isfinite(of_seal.leak):
         leaks = f"has no known leak: {NO_LEAK}"
     elif of_seal.leak > 0.0:
-        leaks = amount(of_seal.leak, of_seal.unit, of_seal.interval).replace("T* V*³", "T* V*³ length/width")
-        if of_seal.gas_unit and not of_seal.unit and math.isfinite(of_seal.gas_leak):
+        leaks = amount(of_seal.leak, of_seal.unit, of_seal.interval)
+        if of_gas is not None and math.isfinite(of_seal.gas_leak):
             gas = _of_gas(of_seal.gas_leak, of_seal.gas_unit, of_seal.gas_interval)
             leaks = f"{gas}; {OF_LIQUID} {leaks}"
         leaks = f"leaks {leaks}" if of_seal.gas_unit or of_seal.unit else f"has {leaks}"
     else:
-        bounded = math.isfinite(most) and most > 0.0
-        leaks = "is closed" + (f", and leaks at most {amount(most, of_seal.unit, upwards=True)}" if bounded else "")
+        at_most = _at_most(of_seal.interval, of_seal.unit, of_gas)
+        leaks = f"is closed, and leaks at most {at_most}" if at_most else "is closed"
     known = math.isnan(of_seal.leak) or all(map(math.isfinite, of_seal.interval))
     unknown = "" if known else "; its error is not known"
     closing = "the load that closes it is not known"
     if math.isfinite(of_seal.closing):
         closing = _tight_above(of_seal.closing, of_seal.closing_interval, of_seal.load_unit, ON_LEG if legs else "")
+    leaks = leaks.replace("T* V*³", "T* V*³ length/width")
     return f"of {of_seal.label} {leaks}{unknown}; {closing}"
 
 

@@ -364,14 +364,13 @@ def test_a_card_has_the_leak_of_a_gas_through_its_seal(tmp_path: Path, monkeypat
     (throughput,) = (line for line in card_text.seal_details(of_seal) if "air" in line)
     assert throughput.endswith(f": {of_seal.gas_leak:.3g} mbar l/s")  # one map, no sheets, and no interval
     assert not math.isfinite(of_seal.interval[1])
-    known = replace(of_seal, interval=(0.5 * of_seal.leak, 4.0 * of_seal.leak))
+    monkeypatch.setattr(seal, "leak_of", lambda *_, **__: (seal.Estimate(1.0, 0.5, 4.0), (), ()))
+    _, known = _card(text, "last", tmp_path)
     low, high = known.plain()["gas_leak_interval"]
     assert_allclose((low, high), (0.5 * of_seal.gas_leak, 4.0 * of_seal.gas_leak))
     assert "mbar l/s of the gas, between" in card_text.seal(replace(known, unit=""))
     *_, row = card_page._leaks(replace(card, seal=known).plain())
     assert row[:5] == ("seal, gas", None, of_seal.gas_leak, low, high)
-    monkeypatch.setattr(seal, "leak_of", lambda *_, **__: (seal.Estimate(1.0, 0.5, 2.0), (), ()))
-    _, known = _card(text, "last", tmp_path)
     assert known.words[-1].endswith("; its interval has the factors of the liquid")
 
 
@@ -422,11 +421,11 @@ def test_a_seal_of_a_gas_alone_leaks_the_gas_in_its_unit_and_names_the_leg_that_
     text = text.replace("leak_rate: {pressure_drop: 1 mbar, viscosity: 1 mPa*s}", "gas_leak_rate: sccm")
     card, of_seal = _card(text + AIR, "last", tmp_path)
     words = card_text.seal(of_seal, legs=card_text.has_legs(card))
-    gas = card_text.short(of_seal.gas_leak)
+    gas = number(of_seal.gas_leak, 2)
     assert words.startswith(f"of 12 mm by 2 mm leaks {gas} sccm of the gas; of a liquid T* V*³ length/width = ")
     assert re.search(r"tight above [\d.]+ MPa on leg 1", words)
     along = card_text.answer(card, card.ways[0])
-    assert along.startswith(f"{card_text.short(card.beside[0].leaks[0].value)} sccm of the gas; of a liquid T* V*³ = ")
+    assert along.startswith(f"{number(card.beside[0].leaks[0].value, 2)} sccm of the gas; of a liquid T* V*³ = ")
     assert re.search(r"tight above [\d.]+ MPa on leg 1", along)
     assert "leg" not in card_text.seal(of_seal)
 
@@ -455,6 +454,26 @@ def test_a_seal_whose_median_patch_is_closed_says_that_its_errors_are_not_known(
         "2 of 3 patches are closed along the flow",
         "the median patch is closed: the errors that all patches share are not known",
     )
+
+
+def test_a_closed_seal_leaks_up_to_what_it_does_at_the_far_end_of_its_closing_load(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(card_runs, "FEWEST_NODES", 17)
+    text = f"{TEXT}{AIR}".replace("every-step}", "every-step, gas_flow: every-step}").replace("steps: 8", "steps: 5")
+    text = text.replace("dimensional: {", "dimensional: {gas_leak_rate: mbar*l/s, ")
+    of_seal = _card(text, AT, tmp_path)[1]
+    tight, last = of_seal.closing, of_seal.closing_interval[1]
+    for share in (0.5, 1.01):
+        card, found = _card(text, f"pressure={tight + share * (last - tight)} MPa", tmp_path)
+        assert (found.leak, found.gas_leak) == (0.0, 0.0)
+        assert (found.interval[1] > 0.0) == (found.gas_interval[1] > 0.0) == (share < 1.0)
+        most = card_text.amount(found.interval[1], found.unit, upwards=True)
+        assert (f"leaks at most {most}" in card_text.seal(found)) == (share < 1.0)
+        assert card_text.budget(found)[-1][2].endswith("factors of the closing load")
+        (gas,) = (beside for beside in card.beside if beside.gas)
+        for way, (low, high) in zip(card.ways, gas.intervals, strict=True):
+            assert (low, high > 0.0) == (0.0, way.at_most > 0.0)
 
 
 def test_one_map_without_a_roll_off_has_a_leak_and_no_interval(here: Path) -> None:

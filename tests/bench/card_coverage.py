@@ -222,7 +222,7 @@ class Solved(Loaded):
         loads = zip("xy", self.numbers["closing"], strict=True)
         return {axis: Closing((Span(float(load), float(load)),), "") for axis, load in loads}
 
-    def _curve(self, axis: str) -> PchipInterpolator | None:
+    def _curve(self, axis: str, name: str) -> PchipInterpolator | None:
         points = {load: leaks["xy".index(axis)] for load, leaks in self.points}
         return curve_of(points | {self.load: self.leak(axis)}, self.closing[axis].value)
 

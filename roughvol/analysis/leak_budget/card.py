@@ -150,9 +150,17 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
             words += (f"leak of {gas}: {throughput}{of_liquid}",)
     if leak.value == 0.0 and absent:  # the others may be open
         leak, parts, words = seal.Estimate(math.nan, math.nan, math.nan), (), ()
+    gas_interval = by_factors(gas_leak, leak.value, (leak.low, leak.high))
     if leak.value == 0.0 and not doubt:  # at most the leak of patches that close later
-        most = patch.conductances(np.array([[way.at_most for way in ways]]), in_units=units)[0, 0] * patch.squares
-        leak, parts = seal.Estimate(0.0, 0.0 if math.isfinite(most) else math.nan, most), flow.parts
+        later = math.log(closing.high / closing.value)
+
+        def at_most(flow: str, *, in_units: bool) -> tuple[float, float]:
+            flows = np.array([[surface.leak_if(axis, later, flow) for axis in AXES] for surface in fine])
+            most = seal.median(patch, flows, isotropic=isotropic, in_units=in_units)
+            return 0.0 if math.isfinite(most) else math.nan, most
+
+        leak, parts = seal.Estimate(0.0, *at_most(FLOW, in_units=units)), of_load
+        gas_interval = at_most(name, in_units=True) if name in fine[0].table else gas_interval
     return SealLeak(
         label=patch.seal.label,
         flow=patch.seal.flow,
@@ -168,6 +176,7 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
         closing_parts=of_load,
         gas_leak=gas_leak,
         gas_unit=gas_unit,
+        gas_interval=gas_interval,
     )
 
 
@@ -212,7 +221,7 @@ def _beside(fine: Sequence[Loaded], ways: Sequence[Way]) -> Iterator[Beside]:
             gas = str(variable.attrs.get("gas", "")) if variable is not None else ""
             text = f"{words} {gas or 'the gas'}" if words == "leak of" else f"{words}, {gas}".removesuffix(", ")
             pairs = zip(leaks, ways, strict=True) if name == f"gas_{FLOW}" else ()
-            intervals = [by_factors(leak.value, way.leak.value, way.interval) for leak, way in pairs]
+            intervals = [_of_gas(fine, leak.value, way) for leak, way in pairs]
             yield Beside(text, tuple(leaks), fine[0].unit(name), tuple(intervals))
 
 
@@ -227,10 +236,18 @@ def _way(fine: Sequence[Loaded], coarser: Grids, sources: Sequence[Source], axis
     return Way(axis, leak, count, fine[0].unit(), closing, others, _last_open(fine, axis), parts, most)
 
 
-def _at_most(fine: Sequence[Loaded], closing: Closing, axis: str) -> float:
-    """Return the leak of a closed way if it closes at the far end of the interval of its closing load."""
-    leaks = [surface.leak_if(axis, math.log(closing.factor)) for surface in fine]
-    return average(FLOW, leaks).value if np.isfinite(leaks).all() else math.nan
+def _at_most(fine: Sequence[Loaded], closing: Closing, axis: str, name: str = FLOW) -> float:
+    """Return a flow of a closed way if it closes at the far end of the interval of its closing load."""
+    leaks = [surface.leak_if(axis, math.log(closing.factor), name) for surface in fine]
+    return average(name, leaks).value if np.isfinite(leaks).all() else math.nan
+
+
+def _of_gas(fine: Sequence[Loaded], gas: float, way: Way) -> tuple[float, float]:
+    """Return the interval of the leak of a gas along a way; of a closed way to the leak at the far end of its loads."""
+    if way.leak.value > 0.0:
+        return by_factors(gas, way.leak.value, way.interval)
+    most = _at_most(fine, way.closing, way.axis, f"gas_{FLOW}") if way.leak.value == 0.0 else math.nan
+    return 0.0 if math.isfinite(most) else math.nan, most
 
 
 def _last_open(fine: Sequence[Loaded], axis: str) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -94,34 +94,35 @@ class Loaded:
         return replace(span, open_up_to=span.open_up_to * self.of_load, closed_from=span.closed_from * self.of_load)
 
     @cached_property
-    def curve(self) -> Mapping[str, PchipInterpolator | None]:
-        """The logarithm of the leak of the first leg by axis, of the dry gap under fluid pressure (`curve_of`)."""
-        return {axis: self._curve(axis) for axis in AXES}
+    def curve(self) -> Callable[[str, str], PchipInterpolator | None]:
+        """The logarithm of a flow of the first leg (`curve_of`) by axis and name, dry under fluid pressure."""
+        return cache(self._curve)
 
-    def _curve(self, axis: str) -> PchipInterpolator | None:
+    def _curve(self, axis: str, name: str) -> PchipInterpolator | None:
         table = first_leg(self.fields)
         dry = "_dry" if is_lifted(self.table) else ""
-        starred = table[f"transmissivity{dry}"].sel(axis=axis).values * table["free_volume"].values ** 3
-        leaks = table[f"{FLOW}{dry}"].sel(axis=axis).values if f"{FLOW}{dry}" in table else starred
+        flow, of_plates = f"{name}{dry}", f"{name.replace(FLOW, 'transmissivity')}{dry}"
+        starred = table[of_plates].sel(axis=axis).values * table["free_volume"].values ** 3
+        leaks = table[flow].sel(axis=axis).values if flow in table else starred
         loads = table[load_of(table)].values * self.of_load
         points = dict(zip(loads.tolist(), (leaks * self.of_leak).tolist(), strict=True))
         if self.leads and not dry and self.state is not None:
             load = self.number(load_of(table)) * self.of_load
             # a step that misses the load by the accuracy of a search is the state: the slope between both is noise
             steps = {p: leak for p, leak in points.items() if not math.isclose(p, load, rel_tol=REACHED)}
-            points = steps | {load: self.leak(axis)}
+            points = steps | {load: self.leak(axis, name)}
         return curve_of(points, self.closing[axis].value)
 
-    def leak_at(self, axis: str, load: float) -> float:
-        """Return the leak at another load; NaN if unknown."""
-        curve = self.curve[axis]
+    def leak_at(self, axis: str, load: float, name: str = FLOW) -> float:
+        """Return a flow at another load; NaN if unknown."""
+        curve = self.curve(axis, name)
         if load >= self.closing[axis].value:
             return 0.0
         return math.exp(curve(math.log(load))) if curve is not None and load > 0.0 else math.nan
 
     def load_at(self, axis: str, leak: float) -> float:
         """Return the load with another leak, the closing load of none; NaN if unknown."""
-        curve = self.curve[axis]
+        curve = self.curve(axis, FLOW)
         if curve is None or math.isnan(leak):
             return math.nan
         if leak == 0.0:
@@ -129,11 +130,11 @@ class Loaded:
         found = curve.solve(math.log(leak), extrapolate=False)
         return math.exp(found[-1]) if len(found) else self.closing[axis].value
 
-    def leak_if(self, axis: str, log: float) -> float:
-        """Return the leak of a joint with all loads larger by a factor; NaN where it is not known."""
+    def leak_if(self, axis: str, log: float, name: str = FLOW) -> float:
+        """Return a flow of a joint with all loads larger by a factor; NaN where it is not known."""
         if not self.leads or is_lifted(self.table) or math.isnan(self.leak(axis)):
             return math.nan
-        return self.leak_at(axis, self.load * math.exp(-log))
+        return self.leak_at(axis, self.load * math.exp(-log), name)
 
     @property
     def load(self) -> float:
