@@ -13,6 +13,7 @@ from dataclasses import replace
 from roughvol.campaign.case_surface import surface_of
 from roughvol.observables import void
 from roughvol.study import STARRED, Case, Level, MadeSurface, Study
+from roughvol.study.axes import with_endings
 from roughvol.study.plain_data import number_text
 from roughvol.study.sections import treatment
 from roughvol.study.sections.ensemble import WIDEST
@@ -104,8 +105,8 @@ def notes(cases: Sequence[Case], surface: Surface) -> tuple[str, ...]:
 def doubts(study: Study, surface: Surface | None = None) -> list[str]:
     """Return sentences on the numbers of a study that may be meant in another way."""
     if study.axes:
-        found = (sentence for variant in study.variants for sentence in doubts(variant.study, surface))
-        return list(dict.fromkeys(found))
+        every = [(variant.words, doubts(variant.study, surface)) for variant in study.variants]
+        return [f"{sentence}{ending}" for sentence, ending in with_endings(every)]
     surface = surface or _first_surface(study)
     several, case = isinstance(study.surface, MadeSurface) or len(study.surface.each) > 1, study.cases()[0]
     waves = void.region(case, surface)["region_waves"] if study.seal is not None else ()

@@ -23,6 +23,7 @@ import numpy as np
 from roughvol.campaign import path
 from roughvol.campaign.case_surface import surface_of
 from roughvol.study import Level, MadeSurface, SpectralSurface, Study, convert
+from roughvol.study.axes import with_endings
 from roughvol.study.values.state_kinds import REACHED
 from roughvol.study.values.units import in_unit, unit_of
 from roughvol.surfaces import texture
@@ -291,7 +292,8 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[Finding]:
         Of generated surfaces, the roughest of the first seed is judged, at m ≤ `LOOKED_AT`: its slope grows with m.
     """
     if study.axes:
-        return list(dict.fromkeys(finding for variant in study.variants for finding in foreseen(variant.study)))
+        every = [(variant.words, foreseen(variant.study)) for variant in study.variants]
+        return [Finding(one.key, f"{one.sentence}{ending}") for one, ending in with_endings(every)]
     case, *others = study.cases()
     made, given = study.surface, setting(study)
     if case.sweep.steps == 0:

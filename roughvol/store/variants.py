@@ -7,7 +7,6 @@ combinations share is repeated.
 from __future__ import annotations
 
 import functools
-import itertools
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -18,6 +17,7 @@ from roughvol.errors import DatasetError, StudyError
 from roughvol.observables.variables import MEAN_ENDS, OF_YIELD, QUANTITIES, STATES, VARIABLES
 from roughvol.store import dataset
 from roughvol.study import AXES, Axis, Study, Variant, loads
+from roughvol.study.axes import with_endings
 
 SURFACES = (*AXES, "D", "m", "seed", "case")  # dimensions of lists and surfaces
 IN_LINES = ("warnings", "surface", "region")  # attributes with lines; those of some combinations have their words
@@ -228,10 +228,7 @@ def lines_of(parts: Sequence[tuple[Variant[Study], Dataset]]) -> dict[str, str]:
     """Return the attributes with lines that any combination has; the lines of some have their words behind them."""
     found = dict[str, str]()
     for name in IN_LINES:
-        every = [(variant.words, str(part.attrs[name]).splitlines()) for variant, part in parts if name in part.attrs]
-        lines = list[str]()
-        for text in dict.fromkeys(itertools.chain(*(own for _, own in every))):
-            having = [words for words, own in every if text in own]
-            lines += [text] if len(having) == len(parts) else [f"{text} ({words})" for words in having]
-        found |= {name: "\n".join(lines)} if every else {}
+        every = [(variant.words, str(part.attrs.get(name, "")).splitlines()) for variant, part in parts]
+        lines = [f"{text}{ending}" for text, ending in with_endings(every)]
+        found |= {name: "\n".join(lines)} if any(name in part.attrs for _, part in parts) else {}
     return found

@@ -271,3 +271,10 @@ def variants_of(of: Sequence[Axis], studies: Sequence[S]) -> tuple[Variant[S], .
         words = ", ".join(map(Axis.words, of, labels))
         made.append(Variant({axis.name: label for axis, label in zip(of, labels, strict=True)}, words, study))
     return tuple(made)
+
+
+def with_endings(every: Sequence[tuple[str, Sequence[T]]]) -> Iterator[tuple[T, str]]:
+    """Yield what combinations have, once and without an ending where all have it, else with the words of each."""
+    for one in dict.fromkeys(itertools.chain(*(own for _, own in every))):
+        having = [words for words, own in every if one in own]
+        yield from [(one, "")] if len(having) == len(every) else [(one, f" ({words})") for words in having]

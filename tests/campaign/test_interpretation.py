@@ -38,8 +38,8 @@ def test_each_material_of_a_list_has_its_own_reading_in_check_and_run() -> None:
     Path("s.yaml").write_text(text, encoding="utf-8")
     for command in (["check", "s.yaml"], ["run", "s.yaml", "--jobs", "1"]):
         done = call(*command)
-        found = re.findall(r"^warning: .*pressure .* that is (?:about )?(\S+) MPa", done.stderr, re.M)
-        assert (done.exit_code, found) == (0, ["0.01", "0.02"])
+        found = re.findall(r"^warning: .*pressure .* that is (?:about )?(\S+) MPa.* \((.*)\)$", done.stderr, re.M)
+        assert (done.exit_code, found) == (0, [("0.01", "E_star = 10 MPa"), ("0.02", "E_star = 20 MPa")])
 
 
 def test_several_surfaces_have_a_range() -> None:
