@@ -30,7 +30,7 @@ from roughvol.analysis import leak
 from roughvol.analysis.closing import solved_loads
 from roughvol.analysis.derived import P, V
 from roughvol.analysis.legs import legs_of, steps_of
-from roughvol.analysis.seal import with_leaks
+from roughvol.analysis.seal import Patch, with_leaks
 from roughvol.analysis.stored_run import Run
 from roughvol.analysis.tables import number
 from roughvol.analysis.units import scales
@@ -57,10 +57,15 @@ RULE_OF_FLOWS = (
 )
 
 
-def check_load(study: Study | None, level: Level) -> None:
-    """Refuse a load on states of a region, whose share of the load is not known."""
-    if level.kind == "load" and study is not None and study.record.part is not None:
+def check_load(study: Study | None, surfaces: Dataset, level: Level) -> None:
+    """Refuse a load on states of a region, whose share is not known, and a load of a seal, which no patch carries."""
+    if level.kind != "load" or study is None:
+        return
+    if study.record.part is not None:
         raise DatasetError(f"{level.label} {LOAD_OF_REGION}")
+    patch = Patch.of(study, surfaces)
+    if patch is not None and (words := patch.seal.misread(level, patch.sides, patch.unit, study.material)):
+        raise DatasetError(words)
 
 
 def _is_stored(level: Level) -> bool:
@@ -195,7 +200,7 @@ def state_at(run: Run, group: Dataset, level: Level) -> State:
     state names the leg of a path of several. A level with a unit needs a run with units.
     """
     legs = legs_of(group)
-    check_load(run.study, level)
+    check_load(run.study, group, level)
     if level.leg is not None and level.leg not in legs:
         raise DatasetError(f"{run.name} has no leg {level.leg}; allowed: {', '.join(map(str, legs))}")
     every = legs[-1:] if level.kind == "last" else legs

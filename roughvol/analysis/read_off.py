@@ -283,7 +283,7 @@ def nominal_of(run: Dataset, level: Level) -> float:
         raise refused(f"{level.label}: the run needs pressures with units: give material a unit, as E: 10 MPa")
     if level.kind == "pressure" and isinstance(level.value, Quantity):
         return convert(float(level.value), level.value.unit, str(run["nominal_pressure"].attrs["units"]))
-    check_load(Run.of("", run).study, level)
+    check_load(Run.of("", run).study, run, level)
     found = []
     for _, surface in surfaces(run):
         if level.value is None:

@@ -76,7 +76,7 @@ def plan(study: Study, at: Level, together: Sequence[Level] = ()) -> Plan:
     if isinstance(surface, HeightFile) and surface_of(case := study.cases()[0]).Sq == 0.0:
         raise refused(f"{case.label} is flat once it is treated, Sq is 0; allowed: a map with roughness")
     if study.seal is not None:
-        _check_seal(study, study.seal)
+        _check_seal(study, study.seal, at)
     levels = [_recordable(study, level) for level in (at, *together)]
     try:
         fine = Planned("", _changed(study, levels, {}, fine=True), levels[0])
@@ -108,11 +108,13 @@ def loads_together(at: Level, loads: Sequence[Level]) -> list[Level]:
     return [at] if at.kind == "last" else [load for load in loads if load.kind == at.kind]
 
 
-def _check_seal(study: Study, seal: Seal) -> None:
-    """Refuse a seal smaller than its patches, and a fluid pressure that differs from patch to patch along the flow."""
+def _check_seal(study: Study, seal: Seal, at: Level) -> None:
+    """Refuse a seal smaller than its patches, a load of the seal, and a fluid pressure that differs along the flow."""
     case = study.cases()[0]
     sides = patch_sides(case)
     seal.check(sides, case.length_unit)
+    if words := seal.misread(at, sides, case.length_unit, study.material):
+        raise refused(words)
     if study.record.fluid_pressure is not None and seal.patches(sides, case.length_unit)[0] > 1:
         message = "record.fluid_pressure lifts each patch by another pressure; allowed: a patch as wide as the seal"
         raise StudyError([Problem(f"is {seal.width}, several patches: {message}", "seal.width")])

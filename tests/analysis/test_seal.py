@@ -513,6 +513,15 @@ def test_patches_at_different_pressures_make_no_seal(tmp_path: Path) -> None:
     assert not [one.title for one in card_page.document(page).sections if "seal" in one.title]
 
 
+@pytest.mark.usefixtures("here")
+def test_the_force_of_the_bolts_of_a_seal_is_no_load_of_a_patch() -> None:
+    ran("joint", COARSE)
+    words = "on the seal of 12 mm by 2 mm it is pressure=0.5MPa"  # 12 N on 24 mm²; 48 MPa on a patch of E* = 10 MPa
+    for question in (["show"], ["card"], ["ask", "--leak-rate", "1 mm^3/s", "--for", "Sq"]):
+        assert words in refused(*question, "joint", "--at", "load=12N")
+    assert "load=0.01 N" in said("show", "joint", "--at", "load=0.01N")
+
+
 def test_the_interval_is_not_known_where_a_surface_is_not_pressed_to_the_load(tmp_path: Path) -> None:
     study = loads(COARSE.replace(SWEEP, "steps: 2, to: {contact_area: 0.15}"))
     ends = np.sort(roughvol.run(study, out=tmp_path / "run", jobs=1).nominal_pressure.max("step").values.ravel())

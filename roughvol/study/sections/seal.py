@@ -8,14 +8,18 @@ No case depends on it: a leak card, `ask` and `creep` make the leak of the seal 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
 from roughvol.errors import DatasetError, Problem, StudyError
 from roughvol.study.plain_data import number_text
 from roughvol.study.sections.strict import Strict, default
-from roughvol.study.values.units import Length, in_unit, unit_of
+from roughvol.study.values.units import Length, convert, in_unit, unit_of
+
+if TYPE_CHECKING:
+    from roughvol.study.sections.material import ContactModulus, YoungPoisson
+    from roughvol.study.values.state_kinds import Level
 
 WHOLE = 0.02  # of a patch: a seal shorter by no more is as long as the patch
 EVEN = 1.5  # most waves on one side of a patch over those on the other
@@ -43,6 +47,25 @@ class Seal(Strict):
     def squares(self, unit: str | None) -> float:
         """Return the length over the width; lengths without a unit are in this unit."""
         return float(in_unit(self.length, unit)) / float(in_unit(self.width, unit))
+
+    def misread(
+        self, load: Level, sides: tuple[float, float], unit: str | None, material: ContactModulus | YoungPoisson
+    ) -> str:
+        """Return why a load is too large for a patch, and its pressure on the seal; empty where a patch can carry it.
+
+        A patch, with sides in the unit of length, carries less than its hardness, or E*.
+        """
+        if load.kind != "load" or not load.value or unit is None or material.unit is None:
+            return ""
+        strip = float(in_unit(self.length, unit)), float(in_unit(self.width, unit))
+        newton, metre = in_unit(load.value, "N"), convert(1.0, unit, "m")
+        on_patch, on_seal = (1e-6 * newton / (one * other * metre**2) for one, other in (sides, strip))
+        if on_patch < convert(material.indentation_hardness or material.contact_modulus, material.unit, "MPa"):
+            return ""
+        return (
+            f"{load.label} is the load of a patch, {on_patch:.3g} MPa, which is more than it carries; on the seal of "
+            f"{self.label} it is pressure={on_seal:.3g}MPa"
+        )
 
     def check(self, sides: tuple[float, float], unit: str | None) -> None:
         """Refuse a seal that is smaller than its patches or far wider, or has a unit where they have none."""
