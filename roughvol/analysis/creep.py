@@ -293,7 +293,7 @@ def _note(over_time: History, *, several: bool) -> str:
     if over_time.has_errors:
         words.append("intervals with the errors of reading, solver, grid, window and levelling")
     elif worst > 1.0:
-        words.append(f"error of the reading up to a factor of {worst:.3g}")
+        words.append(f"error of the reading up to a factor of {number(worst, 3)}")
     if several:
         words.append("Q is the median over the surfaces, closed ones counted as 0")
     if np.any((over_time.reaching > 0) & (over_time.reaching < over_time.surfaces)):

@@ -321,25 +321,28 @@ def ratios(surface: Dataset) -> Array:
 def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Dataset:
     """Return states with the leaks of the seal of their study, as medians over sheets of patches; 0 where closed.
 
-    States of a study without a seal, or with a seal smaller than its patches, stay as they are. Where fluid pressure
-    lifts patches in a row by different pressures, the attribute `UNKNOWN` has the reason. A leak at a step of surfaces
-    that differ in their load there is missing, as is 0 where a leak of a surface is not known. All steps,
-    ``surfaces``, show whether x and y of height files differ.
+    States without leaks, or of a study without a seal, stay as they are. Where the seal is smaller than its patches, or
+    fluid pressure lifts patches in a row by different pressures, the attribute `UNKNOWN` has the reason. A leak at a
+    step of surfaces that differ in their load there is missing, as is 0 where a leak of a surface is not known. All
+    steps, ``surfaces``, show whether x and y of height files differ.
     """
+    flows = [name for name in LEAKS if name in states]  # in this order in tables
+    if not flows:
+        return states
     try:
         patch = Patch.of(study, surfaces)
-    except StudyError:
-        return states
+    except StudyError as error:
+        problem = error.problems[0]
+        reason = f"The leak of the seal is not known: {problem.key} {problem.message}."
+        return states.assign_attrs({UNKNOWN: reason})
     if patch is None:
         return states
     if is_lifted(surfaces) and patch.patches[0] > 1:
-        if not LEAKS.keys() & set(states):
-            return states
         return states.assign_attrs({UNKNOWN: f"The leak of the seal of {patch.seal.label} is not known: {IN_A_ROW}."})
     alike = patch.is_isotropic([surfaces.isel(seed=slice(k, k + 1)) for k in range(surfaces.sizes["seed"])])
     words = f"{patch.seal.label}, flow along {patch.seal.flow}, {' × '.join(map(str, patch.patches))} patches"
     found = {}
-    for name in [name for name in LEAKS if name in states]:  # in this order in tables
+    for name in flows:
         leaks = states[name].transpose(..., "seed", "axis")
         several = leaks.ndim > 2
         draws = patch.draws_of_many if several else DRAWS
@@ -413,7 +416,8 @@ def leak_of(
         return Estimate(math.nan, math.nan, math.nan), (), ()
     found = conductance_of(maps[:, None], (n, m), isotropic=isotropic and len(maps) > 1)
     turned = ", each as it lies and turned" if isotropic else "; x and y differ"
-    words = [f"{DRAWS} sheets of {n} × {m} patches, drawn from {len(maps)} surfaces{turned}"]
+    count = f"{len(maps)} surface{'s' * (len(maps) > 1)}"
+    words = [f"{DRAWS} sheets of {n} × {m} patches, drawn from {count}{turned}"]
     if quadrants is not None:
         found = of_one_map(maps[0], quadrants, (n, m), isotropic=isotropic)
         words = [
@@ -425,7 +429,7 @@ def leak_of(
         if found.value > 0.0 and not shared:
             words.append("the median patch is closed: the errors that all patches share are not known")
     smaller, larger = together(shared)
-    samples = f"{len(maps)} surfaces" if quadrants is None else "4 quadrants"
+    samples = count if quadrants is None else "4 quadrants"
     parts = (*shared, window_of(found, samples, doubt))
     found = found.with_factor(math.nan if doubt else larger, smaller)
     return found.times(patch.squares), parts, tuple(words)

@@ -54,6 +54,7 @@ def creep(
     has the interval of leak cards at up to four of the states.
     """
     from roughvol.analysis import creep as over_time
+    from roughvol.analysis.tables import number
     from roughvol.questions import opened
     from roughvol.report.figures.creep import drawing_of
     from roughvol.store import stamped_file
@@ -66,7 +67,7 @@ def creep(
     if as_json:
         say_json({"run": found.name, "leg": 1} | history.plain())
         return
-    say(f"{titled(found.name, found.dataset)}: at {history.pressure:.4g} {history.pressure_unit}; {history.body}")
+    say(f"{titled(found.name, found.dataset)}: at {number(history.pressure)} {history.pressure_unit}; {history.body}")
     say_table(over_time.table_of(history))
     for line in beyond(found, has_errors=budget):
         say(line)

@@ -563,6 +563,10 @@ def test_a_seal_smaller_than_the_crop_of_a_map_is_refused_before_the_run(here: P
     for command in ("check", "run"):
         told = refused(command, "map.yaml", "--set", "seal.width=0.4 mm")
         assert "is 0.4 mm, and a patch is 0.5 mm long along x" in told
+    short = ("--set", "sweep={pressures: [0.02 MPa]}")
+    said("run", "map.yaml", *short)
+    shown = said("show", "map.yaml", *short, "--set", "seal.width=0.4 mm")
+    assert "The leak of the seal is not known: seal.width is 0.4 mm, and a patch is 0.5 mm" in shown
 
 
 def test_a_fluid_pressure_that_differs_from_patch_to_patch_is_refused(here: Path) -> None:
