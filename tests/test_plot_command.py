@@ -130,6 +130,8 @@ def test_the_numbers_of_a_logarithmic_axis_do_not_overlap(last: float) -> None:
 
 def test_the_numbers_of_the_stiffness_over_the_load_do_not_overlap() -> None:
     assert labels_are_apart(roughvol.plot("leaking", "stiffness_of_p"))
+    with pytest.raises(DatasetError, match=r"value of each; it takes rising p\* at three steps of leg 1"):
+        roughvol.plot(roughvol.open("leaking").isel(step=slice(2)), "stiffness_of_p")
 
 
 @pytest.mark.layout

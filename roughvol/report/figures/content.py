@@ -105,7 +105,8 @@ def missing(name: str, runs: Sequence[Named]) -> str | None:
                 if not any(variable in run.ready for variable in stored):  # any of them would do
                     wanted = [variable for variable in stored if variable.removesuffix("_dry") == variable]
                     reasons = [origin.lacking(name, run.ready, wanted or stored, joint=" or ")]
-                return f"{run.name}: {'; '.join(map(str, reasons))}"
+                takes = _TABLE["quantities"].get(key, {}).get("takes", "")
+                return f"{run.name}: {'; '.join(map(str, reasons))}{takes and f'; it takes {takes}'}"
     return None
 
 
