@@ -126,11 +126,13 @@ def own(field: DataArray) -> DataArray:
 
 
 def curves(family: Family, x: str, y: str) -> list[Curve]:
-    """Return y(x) of each surface at its computed states, in the order of x."""
+    """Return y(x) of each surface at its computed states, in the order of x, falling if it falls under load."""
     every = (family.data[name].transpose("seed", ...).values for name in (x, y))
     pairs = [np.array(pair) for pair in zip(*every, strict=True)]
     finite = [pair[:, np.isfinite(pair).all(axis=0)] for pair in pairs]
-    return [(pair[0][order], pair[1][order]) for pair in finite for order in [np.argsort(pair[0], kind="stable")]]
+    along = [-x if x.size and x[-1] < x[0] else x for x, _ in finite]
+    orders = [np.argsort(x, kind="stable") for x in along]
+    return [(pair[0][order], pair[1][order]) for pair, order in zip(finite, orders, strict=True)]
 
 
 def mean_and_band(members: Sequence[Curve], points: int) -> tuple[Array, Array, Array]:
@@ -138,7 +140,7 @@ def mean_and_band(members: Sequence[Curve], points: int) -> tuple[Array, Array, 
 
     Between two steps a curve is the cubic of `at`.
     """
-    low, high = max(x[0] for x, _ in members), min(x[-1] for x, _ in members)
+    low, high = max(x.min() for x, _ in members), min(x.max() for x, _ in members)
     abscissa = np.linspace(low, high, points if high > low else 0)
     rows = np.array([at_state(x, y, abscissa) for x, y in members])
     return abscissa, rows.mean(axis=0), rows.std(axis=0, ddof=1)
