@@ -196,6 +196,22 @@ def test_a_way_closes_over_every_quantity_at_its_solved_closing_load(tmp_path: P
         assert line.get_xdata()[line.get_ydata() == 0.0][0] == pytest.approx(end)
 
 
+@pytest.mark.parametrize("kind", ["contact_area", "free_volume", "indentation"])
+def test_a_flow_falls_to_its_solved_closing_load_as_in_show(kind: str, tmp_path: Path) -> None:
+    flows = "record: {transport: {transmissivity: every-step, closing: true}}"
+    study = loads(f"surface: {{D: 2.2, m: 4, seeds: [1]}}\nsweep: {{pressures: [0.2, 1, 3, 5]}}\n{flows}")
+    ds = roughvol.run(study, jobs=1, out=tmp_path / "run")
+    x = {"contact_area": "contact_area_fraction"}.get(kind, kind)
+    family = Family("", 0.0, {}, ds.isel(D=0, m=0))
+    for axis in "xy":
+        (member,) = ways.ways(family, x, "transmissivity", axis)
+        assert_allclose(member.closed, ds.roughvol.at(pressure=ds.closing_pressure.sel(axis=axis).item())[x])
+        for share in (0.2, 0.5, 0.8):
+            place = member.load[-1] + share * (member.closed - member.load[-1])
+            flow = ds.roughvol.at(**{kind: place}).transmissivity.sel(axis=axis).item()
+            assert_allclose(ways.sample([member], np.array([place])), flow, rtol=1e-4)
+
+
 def test_the_connected_volume_ends_at_its_last_state_above_zero(one: Dataset) -> None:
     share = one.connected_volume_fraction.where(one.step < 6, 0.0)
     line = FIGURES["seal_volume"](one.assign(connected_volume_fraction=share)).axes[0].lines[0]

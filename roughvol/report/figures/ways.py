@@ -19,13 +19,14 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullLocator
 from xarray import DataArray, Dataset
 
-from roughvol.analysis.at import MADE, place_of
+from roughvol.analysis.at import MADE
 from roughvol.analysis.average import RANGE
 from roughvol.analysis.closing import LOADS, solved_loads, span_of
+from roughvol.analysis.derived import P
 from roughvol.analysis.leak import LIFTED, STATE, is_lifted, with_closed
 from roughvol.observables.at_state import at_state
 from roughvol.observables.variables import AXES
-from roughvol.report.figures.families import Family, curves, mean_and_band, named, several
+from roughvol.report.figures.families import Curve, Family, curves, mean_and_band, named, several
 from roughvol.report.figures.style import CONTACT, GREY, Drawing, looks
 from roughvol.typing import Array, Mask
 
@@ -37,6 +38,7 @@ CLOSED = {"x": "x", "y": "+"}
 LEGEND: dict[str, Any] = {"handlelength": 2.2, "columnspacing": 1.2}
 FAINT = 0.13  # opacity of a band, beneath which others are seen
 DECADES = 9  # of a flow that an axis spans; less flows off it
+FALL = 60  # points of a flow that falls to 0 between two steps
 NARROW = 0.02  # least width of an axis of closing loads alone, as a share of the load
 FLUX_RANGE = (1e-2, 1e2)  # of the flux over its mean
 
@@ -50,6 +52,7 @@ class Way(NamedTuple):
     ends: float = math.nan  # load of the last computed state
     by_log: bool = False  # read over the logarithm of the load, where both steps have one, as in `at`
     recorded: bool = False  # states under fluid pressure: nothing is known between them
+    fall: Curve | None = None  # share of the last flow left on the way to its closing; None: a straight line
 
     @property
     def known(self) -> bool:
@@ -91,22 +94,23 @@ def _every_way(family: Family, x: str, name: str, direction: str) -> list[Way]:
     found = [way(*pair) for pair in zip(loads, values, strict=True)]
     if is_lifted(family.data):  # under fluid pressure the solved loads are those of the dry gap
         return [states._replace(recorded=name in LIFTED) for states in found]
-    ends = _closings(family.data, direction, x)
-    return [
-        states._replace(closed=end) if math.isfinite(end) else states for states, end in zip(found, ends, strict=True)
-    ]
-
-
-def _closings(ds: Dataset, direction: str, x: str) -> list[float]:
-    """Return x at the solved closing load of each surface, between two steps on a straight line over the load."""
     if x in LOADS:
-        return solved_loads(ds, direction, x)
-    ends, found = solved_loads(ds, direction, "mean_pressure"), list[float]()
-    loads, values = (ds[name].transpose("seed", "step").values for name in ("mean_pressure", x))
-    for end, load, value in zip(ends, loads, values, strict=True):
-        place = place_of(load, end, 0.0)
-        found.append(math.nan if place is None else float(np.interp(place, np.arange(value.size), value)))
-    return found
+        ends = solved_loads(family.data, direction, x)
+        return [one._replace(closed=end) if math.isfinite(end) else one for one, end in zip(found, ends, strict=True)]
+    ends, pressures = solved_loads(family.data, direction, P), family.data[P].transpose("seed", "step").values
+    return [_closed_at(*one) for one in zip(found, ends, pressures, loads, strict=True)]
+
+
+def _closed_at(states: Way, end: float, load: Array, x: Array) -> Way:
+    """Return a way over another quantity than the load, up to its solved closing load; its flow is straight over p*."""
+    closed = float(at_state(load, x, end)[0])
+    if not math.isfinite(closed):
+        return states
+    if not states.load.size:
+        return states._replace(closed=closed)
+    points = np.linspace(states.load[-1], closed, FALL)
+    left = (end - at_state(x, load, points)) / (end - at_state(x, load, states.load[-1]))
+    return states._replace(closed=closed, fall=(points, left))
 
 
 def _recorded_loads(ds: Dataset, x: str) -> Array | None:
@@ -171,8 +175,8 @@ def sample(members: Sequence[Way], at: Array, *, hold: bool = False, beyond: flo
                 found[above] = at_state(np.log(load[loaded]), logs[loaded], np.log(places[above]))
             row[inside] = np.exp(found)
             between = (points > load[-1]) & (points < closed)
-            ends = [member.value[-1], member.value[-1] if hold else 0.0]
-            row[between] = at_state([load[-1], closed], ends, points[between], straight=True)
+            along, left = member.fall or (np.array([member.load[-1], member.closed]), np.array([1.0, 0.0]))
+            row[between] = member.value[-1] * (1.0 if hold else np.clip(at_state(along, left, at[between]), 0.0, 1.0))
         row[points >= closed] = beyond
     return rows
 
