@@ -252,6 +252,9 @@ def test_a_choice_without_what_a_question_needs_is_refused(
 
 
 AT = {"pressure": "0.1 MPa"}
+SEAL = {"seal": {"length": "1 mm", "width": "0.1 mm"}}
+LIQUID = {"pressure_drop": "1 mbar", "viscosity": "1 mPa*s"}
+LEAK = {"transport": {"transmissivity": "every-step"}, "dimensional": {"leak_rate": LIQUID}}
 LIFT = {"inlet": "1 mbar", "outlet": "0 mbar", "coupling": "one-way", "at": AT}
 
 
@@ -260,7 +263,8 @@ LIFT = {"inlet": "1 mbar", "outlet": "0 mbar", "coupling": "one-way", "at": AT}
     [
         ({"record": {"fields_at": AT}}, ["indentation", "field_at_step"], ""),
         ({"record": {"transport": {"flux_at": AT}}}, ["flux_at_step"], ""),
-        ({"seal": {"length": "1 mm", "width": "0.1 mm"}}, ["nodes_x"], "has no nodes_x; allowed: all variables"),
+        (SEAL, ["nodes_x"], ""),
+        (SEAL | {"record": LEAK}, ["nodes_x"], "has no nodes_x; allowed: all variables"),
         ({"record": {"fluid_pressure": LIFT}}, ["fluid_at_step"], "has no fluid_at_step; allowed: all variables"),
         ({"record": {"fluid_pressure": LIFT}}, ["fluid_leak_dry"], "has no fluid_leak_dry; allowed: all variables"),
     ],
