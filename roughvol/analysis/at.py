@@ -64,7 +64,7 @@ def check_load(study: Study | None, surfaces: Dataset, level: Level) -> None:
     if study.record.part is not None:
         raise DatasetError(f"{level.label} {LOAD_OF_REGION}")
     patch = Patch.of(study, surfaces)
-    if patch is not None and (words := patch.seal.misread(level, patch.sides, patch.unit, study.material)):
+    if patch is not None and (words := patch.seal.overload(level, patch.sides, patch.unit, study.material)):
         raise DatasetError(words)
 
 

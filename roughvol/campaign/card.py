@@ -113,7 +113,7 @@ def _check_seal(study: Study, seal: Seal, at: Level) -> None:
     case = study.cases()[0]
     sides = patch_sides(case)
     seal.check(sides, case.length_unit)
-    if words := seal.misread(at, sides, case.length_unit, study.material):
+    if words := seal.overload(at, sides, case.length_unit, study.material):
         raise refused(words)
     if study.record.fluid_pressure is not None and seal.patches(sides, case.length_unit)[0] > 1:
         message = "record.fluid_pressure lifts each patch by another pressure; allowed: a patch as wide as the seal"

@@ -103,21 +103,19 @@ def _leaks(card: Card, way: Way) -> str:
         if gas is not None and math.isfinite(throughput := gas.leaks[k].value):
             return f"{middle}{_of_gas(throughput, gas.unit, gas.intervals[k])}; {of_liquid}{liquid}"
         return middle + liquid
-    of_gas = (gas.intervals[AXES.index(way.axis)], gas.unit) if gas is not None else None
-    at_most = _at_most(way.interval, way.unit, of_gas)
+    of_gas = (gas.intervals[AXES.index(way.axis)][1], gas.unit) if gas is not None else None
+    at_most = _at_most(way.interval[1], way.unit, of_gas)
     return f"closed on this grid, at most {at_most}" if at_most else "closed on this grid"
 
 
-def _at_most(interval: tuple[float, float], unit: str, of_gas: tuple[tuple[float, float], str] | None) -> str:
-    """Return the largest leak of a closed joint, of the gas first where its interval is given; empty without one."""
-    most = interval[1]
+def _at_most(most: float, unit: str, of_gas: tuple[float, str] | None) -> str:
+    """Return the largest leak of a closed joint, and before it that of a gas with its unit; empty where unknown."""
     if not (math.isfinite(most) and most > 0.0):
         return ""
     words = amount(most, unit, upwards=True)
     if of_gas is None:
         return words
-    (_, gas), gas_unit = of_gas
-    throughput = f"{_of_gas(gas, gas_unit, upwards=True)}; " if math.isfinite(gas) else ""
+    throughput = f"{_of_gas(*of_gas, upwards=True)}; " if math.isfinite(of_gas[0]) else ""
     return f"{throughput}{OF_LIQUID} {words}"
 
 
@@ -303,17 +301,18 @@ def seal(of_seal: SealLeak, *, legs: bool = False) -> str:
 
     Of a sweep with ``legs`` the closing load is that of leg 1.
     """
-    of_gas = (of_seal.gas_interval, of_seal.gas_unit) if of_seal.gas_unit and not of_seal.unit else None
+    is_gas_alone = bool(of_seal.gas_unit) and not of_seal.unit
     if not math.isfinite(of_seal.leak):
         leaks = f"has no known leak: {NO_LEAK}"
     elif of_seal.leak > 0.0:
         leaks = amount(of_seal.leak, of_seal.unit, of_seal.interval)
-        if of_gas is not None and math.isfinite(of_seal.gas_leak):
+        if is_gas_alone and math.isfinite(of_seal.gas_leak):
             gas = _of_gas(of_seal.gas_leak, of_seal.gas_unit, of_seal.gas_interval)
             leaks = f"{gas}; {OF_LIQUID} {leaks}"
         leaks = f"leaks {leaks}" if of_seal.gas_unit or of_seal.unit else f"has {leaks}"
     else:
-        at_most = _at_most(of_seal.interval, of_seal.unit, of_gas)
+        of_gas = (of_seal.gas_interval[1], of_seal.gas_unit) if is_gas_alone else None
+        at_most = _at_most(of_seal.interval[1], of_seal.unit, of_gas)
         leaks = f"is closed, and leaks at most {at_most}" if at_most else "is closed"
     known = math.isnan(of_seal.leak) or all(map(math.isfinite, of_seal.interval))
     unknown = "" if known else "; its error is not known"

@@ -151,16 +151,10 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     if leak.value == 0.0 and absent:  # the others may be open
         leak, parts, words = seal.Estimate(math.nan, math.nan, math.nan), (), ()
     gas_interval = by_factors(gas_leak, leak.value, (leak.low, leak.high))
-    if leak.value == 0.0 and not doubt:  # at most the leak of patches that close later
-        later = math.log(closing.high / closing.value)
-
-        def at_most(flow: str, *, in_units: bool) -> tuple[float, float]:
-            flows = np.array([[surface.leak_if(axis, later, flow) for axis in AXES] for surface in fine])
-            most = seal.median(patch, flows, isotropic=isotropic, in_units=in_units)
-            return 0.0 if math.isfinite(most) else math.nan, most
-
-        leak, parts = seal.Estimate(0.0, *at_most(FLOW, in_units=units)), of_load
-        gas_interval = at_most(name, in_units=True) if name in fine[0].table else gas_interval
+    if leak.value == 0.0 and not doubt:
+        later = partial(_closed_seal, fine, patch, closing, isotropic=isotropic)
+        leak, parts = seal.Estimate(0.0, *later(FLOW, in_units=units)), of_load
+        gas_interval = later(name, in_units=True) if name in fine[0].table else gas_interval
     return SealLeak(
         label=patch.seal.label,
         flow=patch.seal.flow,
@@ -178,6 +172,16 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
         gas_unit=gas_unit,
         gas_interval=gas_interval,
     )
+
+
+def _closed_seal(
+    fine: Sequence[Loaded], patch: Patch, closing: seal.Estimate, name: str, *, isotropic: bool, in_units: bool
+) -> tuple[float, float]:
+    """Return the interval of a flow through a closed seal: up to its flow if it closes at the far end of its loads."""
+    later = math.log(closing.high / closing.value)
+    flows = np.array([[surface.leak_if(axis, later, name) for axis in AXES] for surface in fine])
+    most = seal.median(patch, flows, isotropic=isotropic, in_units=in_units)
+    return 0.0 if math.isfinite(most) else math.nan, most
 
 
 def _closing_of_seal(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -93,12 +93,8 @@ class Loaded:
     def _scaled(self, span: Span) -> Span:
         return replace(span, open_up_to=span.open_up_to * self.of_load, closed_from=span.closed_from * self.of_load)
 
-    @cached_property
-    def curve(self) -> Callable[[str, str], PchipInterpolator | None]:
-        """The logarithm of a flow of the first leg (`curve_of`) by axis and name, dry under fluid pressure."""
-        return cache(self._curve)
-
-    def _curve(self, axis: str, name: str) -> PchipInterpolator | None:
+    def curve(self, axis: str, name: str = FLOW) -> PchipInterpolator | None:
+        """Return the logarithm of a flow of the first leg (`curve_of`), of the dry gap under fluid pressure."""
         table = first_leg(self.fields)
         dry = "_dry" if is_lifted(self.table) else ""
         flow, of_plates = f"{name}{dry}", f"{name.replace(FLOW, 'transmissivity')}{dry}"
@@ -122,7 +118,7 @@ class Loaded:
 
     def load_at(self, axis: str, leak: float) -> float:
         """Return the load with another leak, the closing load of none; NaN if unknown."""
-        curve = self.curve(axis, FLOW)
+        curve = self.curve(axis)
         if curve is None or math.isnan(leak):
             return math.nan
         if leak == 0.0:

@@ -48,7 +48,7 @@ class Seal(Strict):
         """Return the length over the width; lengths without a unit are in this unit."""
         return float(in_unit(self.length, unit)) / float(in_unit(self.width, unit))
 
-    def misread(
+    def overload(
         self, load: Level, sides: tuple[float, float], unit: str | None, material: ContactModulus | YoungPoisson
     ) -> str:
         """Return why a load is too large for a patch, and its pressure on the seal; empty where a patch can carry it.
