@@ -484,6 +484,9 @@ def test_one_map_without_a_roll_off_has_a_leak_and_no_interval(here: Path) -> No
     assert any("waves longer than a quadrant" in line for line in of_seal.words)
     for parts in (of_seal.parts, of_seal.closing_parts):
         assert [part.words for part in parts if part.name == "window" and not part.known] == [seal.NO_ROLL_OFF]
+    _, closed = _card(text, "pressure=1 MPa", here / "closed")
+    assert closed.leak == 0.0
+    assert closed.parts == closed.closing_parts
     ran("joint", text)
     for wanted in (["--leak-rate", f"{of_seal.leak} mm^3/s"], ["--closed"]):
         assert re.search(

@@ -151,9 +151,11 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     if leak.value == 0.0 and absent:  # the others may be open
         leak, parts, words = seal.Estimate(math.nan, math.nan, math.nan), (), ()
     gas_interval = by_factors(gas_leak, leak.value, (leak.low, leak.high))
+    if leak.value == 0.0:
+        parts = of_load
     if leak.value == 0.0 and not doubt:
         later = partial(_closed_seal, fine, patch, closing, isotropic=isotropic)
-        leak, parts = seal.Estimate(0.0, *later(FLOW, in_units=units)), of_load
+        leak = seal.Estimate(0.0, *later(FLOW, in_units=units))
         gas_interval = later(name, in_units=True) if name in fine[0].table else gas_interval
     return SealLeak(
         label=patch.seal.label,
