@@ -222,7 +222,8 @@ class Solved(Loaded):
         loads = zip("xy", self.numbers["closing"], strict=True)
         return {axis: Closing((Span(float(load), float(load)),), "") for axis, load in loads}
 
-    def _curve(self, axis: str, name: str) -> PchipInterpolator | None:
+    def curve(self, axis: str, name: str = "") -> PchipInterpolator | None:
+        """Return the logarithm of the leak."""
         points = {load: leaks["xy".index(axis)] for load, leaks in self.points}
         return curve_of(points | {self.load: self.leak(axis)}, self.closing[axis].value)
 
