@@ -28,11 +28,10 @@ Indices = NDArray[np.uint32]
 class Graph(NamedTuple):
     """Aggregates, the row and column of their blocks, their joints, and conductances to pressures held (own).
 
-    ``starts`` has the place of the first joint of each aggregate, and the end. A joint is listed at both ends, with the
-    aggregate at the other end (heads) and its conductance (weight).
+    A joint is listed once, with the aggregates at its ends (tails and heads) and its conductance (weight).
     """
 
-    starts: Indices
+    tails: Indices
     heads: Indices
     weight: Array
     own: Array
@@ -135,32 +134,32 @@ def graph_of_grid(south: Array, east: Array, own: Array, number: Numbers, count:
                         if at == end:
                             tails[end], heads[end], weight[end], end = tail, head, 0.0, end + 1
                         weight[at] += STRETCHED * joint
-    starts, heads, weight = _by_rows(tails[:end], heads[:end], weight[:end], count)
-    return Graph(starts, heads, weight, held, row, column)
+    return Graph(tails[:end], heads[:end], weight[:end], held, row, column)
 
 
 @compiled
 def of_graph(graph: Graph) -> tuple[Indices, int]:
     """Return the aggregate of each node of a graph in its block of twice the size, and how many there are."""
-    starts, heads, weight, own, row, column = graph
+    tails, heads, weight, own, row, column = graph
     largest = own.copy()
-    for node in range(own.size):
-        for k in range(starts[node], starts[node + 1]):
-            largest[node] = max(largest[node], weight[k])
+    for k in range(tails.size):
+        largest[tails[k]] = max(largest[tails[k]], weight[k])
+        largest[heads[k]] = max(largest[heads[k]], weight[k])
     chain = np.arange(own.size).astype(np.uint32)
+    best, to, alone = np.zeros(own.size), chain.copy(), np.ones(own.size, np.bool_)
+    for k in range(tails.size):
+        tail, head, joint = tails[k], heads[k], weight[k]
+        if row[head] >> 1 != row[tail] >> 1 or column[head] >> 1 != column[tail] >> 1:
+            continue
+        if joint >= STRONG * max(largest[tail], largest[head]):
+            alone[tail] = alone[head] = False
+            _join(chain, tail, head)
+        for node, other in ((tail, head), (head, tail)):
+            if joint >= STRONG * largest[node] and joint > best[node]:
+                best[node], to[node] = joint, other
     for node in range(own.size):
-        best, to, alone = 0.0, -1, True
-        for k in range(starts[node], starts[node + 1]):
-            head = heads[k]
-            same_block = row[head] >> 1 == row[node] >> 1 and column[head] >> 1 == column[node] >> 1
-            if same_block and weight[k] >= STRONG * largest[node]:
-                if weight[k] > best:
-                    best, to = weight[k], head
-                if weight[k] >= STRONG * largest[head]:
-                    alone = False
-                    _join(chain, node, head)
-        if alone and to >= 0:
-            _join(chain, node, to)
+        if alone[node]:
+            _join(chain, node, to[node])
     number, count = np.empty(own.size, np.uint32), 0
     for node in range(own.size):
         if chain[node] == node:
@@ -190,48 +189,35 @@ def _join(chain: Indices, one: int, other: int) -> None:
 @compiled
 def graph_of_graph(graph: Graph, number: Indices, count: int) -> Graph:
     """Return the graph of the aggregates of a graph."""
-    starts, heads, weight, own, row, column = graph
+    tails, heads, weight, own, row, column = graph
     held, rows, columns = np.zeros(count), np.empty(count, np.uint32), np.empty(count, np.uint32)
-    size = heads.size // 2
-    tail, head, joint, end = np.empty(size, np.uint32), np.empty(size, np.uint32), np.empty(size), 0
     for node in range(own.size):
         here = number[node]
         held[here] += STRETCHED * own[node]
         rows[here], columns[here] = row[node] // 2, column[node] // 2
-        for k in range(starts[node], starts[node + 1]):
-            if heads[k] > node and number[heads[k]] != here:
-                tail[end], head[end], joint[end] = here, number[heads[k]], STRETCHED * weight[k]
-                end += 1
-    first, ends, joints = _by_rows(tail[:end], head[:end], joint[:end], count)
-    return Graph(first, ends, joints, held, rows, columns)
-
-
-@compiled
-def _by_rows(tails: Indices, heads: Indices, weight: Array, count: int) -> tuple[Indices, Indices, Array]:
-    """Return the joints of each of ``count`` nodes, sums of those to the same head, as in `Graph`."""
-    place = np.zeros(count + 1, np.uint32)
+    starts = np.zeros(count + 1, np.uint32)
     for k in range(tails.size):
-        place[tails[k]] += 1
-        place[heads[k]] += 1
-    end = 0
-    for node in range(count + 1):
-        place[node], end = end, end + place[node]
-    ends, joints, at = np.empty(end, np.uint32), np.empty(end), place[:count].copy()
-    for k in range(tails.size):
-        tail, head = tails[k], heads[k]
-        ends[at[tail]], joints[at[tail]] = head, weight[k]
-        ends[at[head]], joints[at[head]] = tail, weight[k]
-        at[tail] += 1
-        at[head] += 1
-    starts, found, end = np.zeros(count + 1, np.uint32), np.full(count, -1, np.int32), 0
+        starts[min(number[tails[k]], number[heads[k]]) + 1] += 1
     for node in range(count):
-        for k in range(place[node], place[node + 1]):
-            head = ends[k]
-            if found[head] < starts[node]:
-                found[head] = end
-                ends[end], joints[end] = head, joints[k]
-                end += 1
-            else:
-                joints[found[head]] += joints[k]
-        starts[node + 1] = end
-    return starts, ends[:end], joints[:end]
+        starts[node + 1] += starts[node]
+    order, place = np.empty(tails.size, np.uint32), starts.copy()
+    for k in range(tails.size):
+        tail = min(number[tails[k]], number[heads[k]])
+        order[place[tail]] = k
+        place[tail] += 1
+    # joints between the same two aggregates are added up
+    size = tails.size
+    tail, head, joint, end = np.empty(size, np.uint32), np.empty(size, np.uint32), np.empty(size), 0
+    found = np.full(count, -1, np.int32)
+    for node in range(count):
+        first = end
+        for at in range(starts[node], starts[node + 1]):
+            k = order[at]
+            other = max(number[tails[k]], number[heads[k]])
+            if other == node:
+                continue
+            if found[other] < first:
+                found[other] = end
+                tail[end], head[end], joint[end], end = node, other, 0.0, end + 1
+            joint[found[other]] += STRETCHED * weight[k]
+    return Graph(tail[:end], head[:end], joint[:end], held, rows, columns)

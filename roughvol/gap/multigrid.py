@@ -75,6 +75,7 @@ class Multigrid:
         # the grid is visited once, its digits do not add up: 32 bits do
         self._grid = network.south.astype(np.float32), network.east.astype(np.float32), _sweep(*network)
         self._number, self._first = number, np.empty(number.shape, np.float32)
+        self._single, self._pressure = np.empty(number.shape, np.float32), np.empty(number.shape)
         self._levels = []
         for _ in range(max(number.shape).bit_length()):  # until a block is the whole grid
             if graph.own.size <= direct:
@@ -83,16 +84,18 @@ class Multigrid:
             diagonal = _diagonal(graph)
             self._levels.append(_Level(graph, diagonal, DAMPING / diagonal, coarse))
             graph = aggregates.graph_of_graph(graph, coarse, count)
-        tails = np.repeat(np.arange(graph.own.size), np.diff(graph.starts))
-        once = tails < graph.heads
-        self._factor = _factor(_matrix(tails[once], graph.heads[once], graph.weight[once], graph.own))
+        self._factor = _factor(_matrix(graph.tails, graph.heads, graph.weight, graph.own))
 
     def __call__(self, inflow: Array) -> Array:
-        """Return the pressures that drive an inflow of every element, shape (rows, columns)."""
+        """Return the pressures that drive an inflow of every element, shape (rows, columns).
+
+        The next call writes to the same array.
+        """
         if self.exact:
             return self._factor.solve(inflow.ravel()).reshape(inflow.shape)
-        single, pressure = inflow.astype(np.float32), np.empty(inflow.shape)
-        left = _before(*self._grid, self._number, single, np.zeros(self._size(0)))
+        single, pressure = self._single, self._pressure
+        single[...] = inflow
+        left = _before(*self._grid, self._number, single, self._first, np.zeros(self._size(0)))
         _after(*self._grid, self._number, single, self._visit(left, 0), self._first, pressure)
         return pressure
 
@@ -226,18 +229,20 @@ def _spread(number: NDArray[Any], coarse: Array) -> Array:
 
 
 @compiled
-def _before(south: Single, east: Single, sweep: Single, number: Numbers, inflow: Single, left: Array) -> Array:
-    """Add up the inflow that a sweep leaves, by aggregates."""
+def _before(
+    south: Single, east: Single, sweep: Single, number: Numbers, inflow: Single, first: Single, left: Array
+) -> Array:
+    """Write the pressures of a sweep to ``first``, and add up the inflow that they leave, by aggregates."""
     rows, columns = sweep.shape
-    rest = np.float32(1.0 - DAMPING)
+    rest, drive = np.float32(1.0 - DAMPING), np.empty(columns, np.float32)
     for i in range(rows):
-        up, down = i - 1 if i else rows - 1, i + 1 if i + 1 < rows else 0
         for j in range(columns):
-            back, on = j - 1 if j else columns - 1, j + 1 if j + 1 < columns else 0
-            along = south[up, j] * (sweep[up, j] * inflow[up, j]) + south[i, j] * (sweep[down, j] * inflow[down, j])
-            across = east[i, back] * (sweep[i, back] * inflow[i, back]) + east[i, j] * (sweep[i, on] * inflow[i, on])
+            first[i, j] = sweep[i, j] * inflow[i, j]
+    for i in range(rows):
+        _driven(south, east, first, i, drive)
+        for j in range(columns):
             if number[i, j] >= 0:
-                left[number[i, j]] += rest * inflow[i, j] + (along + across)
+                left[number[i, j]] += rest * inflow[i, j] + drive[j]
     return left
 
 
@@ -252,12 +257,11 @@ def _after(
     first: Single,
     out: Array,
 ) -> None:
-    """Write the pressures after the coarse correction and a sweep to ``out``; ``first`` holds those before it."""
-    rows, columns = sweep.shape
-    for i in range(rows):
-        for j in range(columns):
-            correction = np.float32(coarse[number[i, j]]) if number[i, j] >= 0 else np.float32(0.0)
-            first[i, j] = sweep[i, j] * inflow[i, j] + correction
+    """Add the coarse correction to the ``first`` pressures, and write those after a sweep to ``out``."""
+    for i in range(sweep.shape[0]):
+        for j in range(sweep.shape[1]):
+            if number[i, j] >= 0:
+                first[i, j] += np.float32(coarse[number[i, j]])
     _swept(south, east, sweep, inflow, first, out)
 
 
@@ -266,67 +270,79 @@ def _swept(
     south: Single, east: Single, sweep: Single, inflow: NDArray[Any], before: NDArray[Any], after: Array
 ) -> Array:
     """Write the pressures after a sweep to ``after``."""
-    rows, columns = sweep.shape
     rest = np.float32(1.0 - DAMPING)
-    for i in range(rows):
-        up, down = i - 1 if i else rows - 1, i + 1 if i + 1 < rows else 0
-        for j in range(columns):
-            back, on = j - 1 if j else columns - 1, j + 1 if j + 1 < columns else 0
-            along = south[up, j] * before[up, j] + south[i, j] * before[down, j]
-            across = east[i, back] * before[i, back] + east[i, j] * before[i, on]
-            after[i, j] = rest * before[i, j] + sweep[i, j] * (inflow[i, j] + (along + across))
+    for i in range(sweep.shape[0]):
+        _driven(south, east, before, i, after[i])
+        for j in range(sweep.shape[1]):
+            after[i, j] = rest * before[i, j] + sweep[i, j] * (inflow[i, j] + after[i, j])
     return after
+
+
+@compiled
+def _driven(south: Single, east: Single, pressure: NDArray[Any], i: int, drive: NDArray[Any]) -> None:
+    """Write the inflow that the pressures around drive into each element of line i."""
+    rows, last = pressure.shape[0], pressure.shape[1] - 1
+    up, down = i - 1 if i else rows - 1, i + 1 if i + 1 < rows else 0
+    north, along, aside = south[up], south[i], east[i]
+    above, here, below = pressure[up], pressure[i], pressure[down]
+    for j in range(1, last):  # without the ends: several at a time
+        drive[j] = (north[j] * above[j] + along[j] * below[j]) + (aside[j - 1] * here[j - 1] + aside[j] * here[j + 1])
+    for back, j, on in ((last, 0, min(1, last)), (max(last - 1, 0), last, 0)):
+        drive[j] = (north[j] * above[j] + along[j] * below[j]) + (aside[back] * here[back] + aside[j] * here[on])
 
 
 @compiled
 def _diagonal(graph: Graph) -> Array:
     """Return the diagonal of the matrix of a graph; 1 of a node without any conductance."""
     diagonal = graph.own.copy()
+    for k in range(graph.tails.size):
+        diagonal[graph.tails[k]] += graph.weight[k]
+        diagonal[graph.heads[k]] += graph.weight[k]
     for node in range(diagonal.size):
-        for k in range(graph.starts[node], graph.starts[node + 1]):
-            diagonal[node] += graph.weight[k]
         if diagonal[node] == 0.0:
             diagonal[node] = 1.0
     return diagonal
 
 
 @compiled
+def _graph_driven(graph: Graph, pressure: Array, inflow: Array) -> None:
+    """Add the flow that pressures drive into their neighbours to an inflow."""
+    tails, heads, weight = graph.tails, graph.heads, graph.weight
+    for k in range(tails.size):
+        tail, head = tails[k], heads[k]
+        inflow[tail] += weight[k] * pressure[head]
+        inflow[head] += weight[k] * pressure[tail]
+
+
+@compiled
 def _graph_before(level: _Level, inflow: Array, first: Array, left: Array) -> Array:
     """Write the pressures of a sweep to ``first``, and add up the inflow that they leave, by aggregates."""
-    starts, heads, weight = level.graph.starts, level.graph.heads, level.graph.weight
+    rest = np.empty(inflow.size)
     for node in range(inflow.size):
-        first[node] = level.sweep[node] * inflow[node]
+        first[node], rest[node] = level.sweep[node] * inflow[node], (1.0 - DAMPING) * inflow[node]
+    _graph_driven(level.graph, first, rest)
     for node in range(inflow.size):
-        rest = (1.0 - DAMPING) * inflow[node]
-        for k in range(starts[node], starts[node + 1]):
-            rest += weight[k] * first[heads[k]]
-        left[level.number[node]] += rest
+        left[level.number[node]] += rest[node]
     return left
 
 
 @compiled
 def _graph_after(level: _Level, inflow: Array, coarse: Array, first: Array) -> Array:
     """Return the pressures after the coarse correction of the ``first`` ones and a sweep."""
-    starts, heads, weight = level.graph.starts, level.graph.heads, level.graph.weight
-    pressure = np.empty(inflow.size)
     for node in range(inflow.size):
         first[node] += coarse[level.number[node]]
+    pressure = inflow.copy()
+    _graph_driven(level.graph, first, pressure)
     for node in range(inflow.size):
-        drive = inflow[node]
-        for k in range(starts[node], starts[node + 1]):
-            drive += weight[k] * first[heads[k]]
-        pressure[node] = (1.0 - DAMPING) * first[node] + level.sweep[node] * drive
+        pressure[node] = (1.0 - DAMPING) * first[node] + level.sweep[node] * pressure[node]
     return pressure
 
 
 @compiled
 def _left(level: _Level, inflow: Array, pressure: Array) -> Array:
     """Return the inflow that pressures of a graph leave."""
-    starts, heads, weight = level.graph.starts, level.graph.heads, level.graph.weight
     left = np.empty(inflow.size)
     for node in range(inflow.size):
-        rest = inflow[node] - level.diagonal[node] * pressure[node]
-        for k in range(starts[node], starts[node + 1]):
-            rest += weight[k] * pressure[heads[k]]
-        left[node] = rest
+        left[node] = inflow[node] - level.diagonal[node] * pressure[node]
+    _graph_driven(level.graph, pressure, left)
     return left

@@ -29,10 +29,8 @@ def decades(shape, seed):
 def dense(graph):
     """Return the matrix of the joints of a graph."""
     joints = np.zeros((graph.own.size, graph.own.size))
-    for node in range(graph.own.size):
-        for k in range(graph.starts[node], graph.starts[node + 1]):
-            joints[node, graph.heads[k]] += graph.weight[k]
-    return joints
+    np.add.at(joints, (graph.tails, graph.heads), graph.weight)
+    return joints + joints.T
 
 
 def summed(joints, number, count):

@@ -159,6 +159,6 @@ def test_the_cycle_is_symmetric_and_positive():
     south, east = np.exp(random.uniform(-12.0, 12.0, (2, 20, 30)))
     network = grid(south, east)
     cycle = Multigrid(network, direct=30)
-    inverse = np.array([cycle(unit.reshape(20, 30)).ravel() for unit in np.eye(600)])
+    inverse = np.array([cycle(unit.reshape(20, 30)).flatten() for unit in np.eye(600)])
     assert_allclose(inverse, inverse.T, rtol=1e-6, atol=1e-9 * np.abs(inverse).max())
     assert np.linalg.eigvalsh(0.5 * (inverse + inverse.T)).min() > 0.0
