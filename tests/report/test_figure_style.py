@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib import font_manager
 
 from roughvol.errors import DatasetError
-from roughvol.report.figures import style
+from roughvol.report.figures import content, style
 from roughvol.reproduction.figures.conditions import ACCENT, SECOND
 from roughvol.reproduction.figures.registry import FIGURES
 
@@ -149,3 +149,10 @@ def test_a_number_keeps_its_unit_where_a_line_ends() -> None:
         "10",
         "mbar",
     ]  # of a narrow column
+
+
+def test_a_line_of_a_legend_ends_neither_in_a_range_nor_in_a_formula() -> None:
+    for words in range(60):
+        for line in content.wrapped(f"{'a ' * words}region x/L_x 0 to 1, y/L_y 0 to 1, $T^{{* }}$").splitlines():
+            assert line.count("0 to 1") == line.count("to")
+            assert line.count("$") % 2 == 0

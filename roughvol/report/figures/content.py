@@ -238,8 +238,8 @@ def _origin(runs: Sequence[Named], some: Sequence[Family]) -> str:
 
 
 def wrapped(label: str) -> str:
-    """Return a label in lines that fit the legend, none of which ends within a formula."""
-    joined = re.sub(r"\$[^$]*\$", lambda formula: formula.group().replace(" ", "\0"), label)
+    """Return a label in lines that fit the legend, none of which ends within a formula or a range."""
+    joined = re.sub(r"\$[^$]*\$|\S+ to \S+", lambda whole: whole.group().replace(" ", "\0"), label)
     return textwrap.fill(joined, style.WIDE - KEY).replace("\0", " ")
 
 
