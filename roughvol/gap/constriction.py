@@ -1,9 +1,9 @@
 """The critical constriction: the narrowest place of the widest way through the gap.
 
-Conventions are those of `transport`. Elements are taken in the order of falling gap, equal ones row by row, until the
-first path is complete. Water that enters from one side finds the last element of that path: it always enters the widest
-element on its shore, and fills what lies behind at once (invasion percolation; Wilkinson & Willemsen, J. Phys. A 16
-(1983) 3365-3376). Few floods bracket the gap h_c before, so that few elements must be ordered.
+Conventions are those of `transport`. Elements are taken in the order of falling gap, equal ones in order along the
+axis, until the first path is complete. Water that enters from one side finds the last element of that path: it always
+enters the widest element on its shore, and fills what lies behind at once (invasion percolation; Wilkinson & Willemsen,
+J. Phys. A 16 (1983) 3365-3376). Few floods bracket the gap h_c before, so that few elements must be ordered.
 """
 
 import heapq
@@ -29,11 +29,12 @@ class Constriction(NamedTuple):
 def constriction(gap: Array, axis: int, *, periodic: bool = False) -> Constriction:
     """Return the critical constriction: the largest h_c such that the elements with g ≥ h_c still percolate."""
     check_gap(gap)
-    bracket = _bracket(gap, lambda least: _invaded(gap, axis, periodic, least, least) >= 0)
+    along = np.ascontiguousarray(gap if axis == 0 else gap.T)
+    bracket = _bracket(along, lambda least: _invaded(along, periodic, least, least) >= 0)
     if bracket is None:
         return Constriction(0.0, None)
-    row, column = divmod(_invaded(gap, axis, periodic, *bracket), gap.shape[1])
-    return Constriction(float(gap[row, column]), (row, column))
+    place = divmod(_invaded(along, periodic, *bracket), along.shape[1])
+    return Constriction(float(along[place]), place if axis == 0 else place[::-1])
 
 
 def endless_constriction(gap: Array) -> float:
@@ -67,23 +68,20 @@ def _bracket(gap: Array, connected: Callable[[float], bool]) -> tuple[float, flo
 
 
 @compiled
-def _invaded(gap: Array, axis: int, periodic: bool, least: float, flooded: float) -> int:
-    """Return the last element (flat) of the first complete path along an axis; -1 without a path of g ≥ least.
+def _invaded(gap: Array, periodic: bool, least: float, flooded: float) -> int:
+    """Return the last element (flat) of the first complete path along axis 0; -1 without a path of g ≥ least.
 
-    Elements of the first side are wet, and so are elements of g ≥ flooded beside wet ones. Where that makes no path,
+    Elements of the first line are wet, and so are elements of g ≥ flooded beside wet ones. Where that makes no path,
     the widest dry element beside a wet one is next.
     """
     rows, columns = gap.shape
     wet, stack, shore = np.zeros(gap.size, np.bool_), np.empty(gap.size, np.int32), [(0.0, 0)]
     shore.clear()
-    top, narrowest, latest = 0, flooded, -1
-    width = columns if axis == 0 else rows
-    last = (rows if axis == 0 else columns) - 1
-    for k in range(width):
-        here = k if axis == 0 else k * columns
-        if gap[here // columns, here % columns] >= least:
-            heapq.heappush(shore, (-gap[here // columns, here % columns], here))
-            wet[here] = True
+    narrowest, latest = flooded, -1
+    for j in range(columns):
+        if gap[0, j] >= least:
+            heapq.heappush(shore, (-gap[0, j], j))
+            wet[j] = True
     while shore:
         fall, here = heapq.heappop(shore)
         if -fall < narrowest or (-fall == narrowest and here > latest >= 0):
@@ -93,16 +91,12 @@ def _invaded(gap: Array, axis: int, periodic: bool, least: float, flooded: float
             top -= 1
             i = stack[top] // columns
             j = stack[top] - i * columns
-            if (i if axis == 0 else j) == last:
+            if i + 1 == rows:
                 return latest if latest >= 0 else stack[top]
-            for side in range(4):  # the element ahead is the last: it leaves the stack first
-                across, along = (side == 0) - (side == 1), (side == 3) - (side == 2)
-                there, beside = (i + along, j + across) if axis == 0 else (i + across, j + along)
-                if periodic and axis == 1:
-                    there %= rows
-                if periodic and axis == 0:
+            for there, beside in ((i, j - 1), (i, j + 1), (i - 1, j), (i + 1, j)):  # the last leaves the stack first
+                if periodic:
                     beside %= columns
-                if there < 0 or there == rows or beside < 0 or beside == columns:
+                if there < 0 or beside < 0 or beside == columns:
                     continue
                 at, width = there * columns + beside, gap[there, beside]
                 if width >= least and not wet[at]:

@@ -262,10 +262,11 @@ def conduction_of_gas(
     if law not in LAWS or not 0.0 <= outlet < 1.0 or not 0.0 <= path < math.inf or (law == "kinetic" and path == 0.0):
         given = f"law {law!r}, mean free path {path}, outlet {outlet}"
         raise ContactError(f"{given}; allowed: {', '.join(LAWS)}, > 0, 0 <= outlet < 1")
-    critical = constriction(gap, axis, periodic=periodic).gap
+    along = gap if axis == 0 else np.ascontiguousarray(gap.T)
+    critical = constriction(along, 0, periodic=periodic).gap
     if critical == 0.0:
         return GasFlow(0.0, 0.0, math.inf, 0.0, 0)
-    along, free = (gap if axis == 0 else np.ascontiguousarray(gap.T)), path / critical
+    free = path / critical
     if free > LONGEST:
         raise ContactError(
             f"mean free path {path} is {free:.3g} times the critical gap; allowed: up to {LONGEST:g} times"

@@ -94,10 +94,10 @@ def conduction(
     The two coefficients of Vallet et al. (2009): transmissivity with n = 3, diffusivity with n = 1. The accuracy is
     relative, `start` has pressures of a similar gap, and `critical` is the gap of `constriction`, if it is known.
     """
-    critical = constriction(gap, axis, periodic=periodic).gap if critical is None else critical
+    along = gap if axis == 0 else np.ascontiguousarray(gap.T)
+    critical = constriction(along, 0, periodic=periodic).gap if critical is None else critical
     if critical == 0.0:
         return Conduction(0.0, 0.0, axis, gap.shape)
-    along = gap if axis == 0 else np.ascontiguousarray(gap.T)
     k = _conductance(along, critical, exponent)
     k[~spanned(k > 0.0, periodic)] = 0.0
     down, east = faces(k, periodic)
