@@ -127,7 +127,7 @@ def spanned(void: Mask, periodic: bool) -> Mask:
     labels, _ = labelled(void, SIDES, joined(0, periodic))
     leads = np.zeros(int(labels.max()) + 1, dtype=np.bool_)
     leads[spanning(labels, 0)] = True
-    return leads[labels]
+    return leads.take(labels)
 
 
 def spanning_period(labels: NDArray[np.integer], void: Mask, axis: int) -> NDArray[np.integer]:
