@@ -13,7 +13,7 @@ from roughvol.analysis import leak
 from roughvol.analysis.at import RULE, RULE_OF_FLOWS, State
 from roughvol.analysis.average import IN_WORDS, average, is_flow
 from roughvol.analysis.derived import ROUNDING, P
-from roughvol.analysis.seal import LEAKS, UNKNOWN
+from roughvol.analysis.seal import LEAKS, NO_LEAK, UNKNOWN
 from roughvol.analysis.tables import Table, by_direction, number
 from roughvol.observables.variables import QUANTITIES, columns
 from roughvol.typing import Array
@@ -142,11 +142,15 @@ class States:
 
     def _seal(self, row: Row) -> str:
         """Return what the leak of a seal is, or why it is not known; empty without a seal."""
+        reason = str(row.state.data.attrs.get(UNKNOWN, ""))
         for name in LEAKS.values():
-            if name in self.columns and name in row.data:
+            if name in row.data:
                 seal, sheets = (row.data[name].attrs[key] for key in ("seal", "sheets"))
-                return f"{QUANTITIES[name].symbol} is the leak of the seal of {seal}: the median of {sheets} {SHEETS}"
-        return str(row.state.data.attrs.get(UNKNOWN, ""))
+                if name in self.columns:
+                    leak_of = f"{QUANTITIES[name].symbol} is the leak of the seal of {seal}"
+                    return f"{leak_of}: the median of {sheets} {SHEETS}"
+                reason = f"The leak of the seal of {seal.partition(', ')[0]} is not known: {NO_LEAK}."
+        return reason
 
     def _by_run(self, words_of: Callable[[Row], str]) -> dict[str, str]:
         """Return the words that rows have, with the names of their runs and groups where rows differ."""

@@ -328,6 +328,7 @@ def test_the_seal_of_a_run_at_a_load_leaks_as_on_its_card(cards: Cards) -> None:
     assert_allclose(one["seal_leak_rate"].dropna(), 6.0 * one["leak_rate_x"].dropna(), rtol=1e-9)  # repeated
     (every,) = screen.shown(Run.of("joint", fine.isel(step=[0, 1])))  # open patches at different loads
     assert "Q_seal" not in f"{every.head}{every.note}"
+    assert f"The leak of the seal of 12 mm by 2 mm is not known: {seal.NO_LEAK}." in every.note
     ((table,), _) = screen.shown_at(run, [parse(AT)])
     assert "Q_seal [mm^3/s]" in table.head
     assert "12 mm by 2 mm, flow along x, 4 × 24 patches" in table.note
