@@ -228,7 +228,7 @@ def _seal(study: Study, unit: str | None, waves: Sequence[float]) -> Iterator[st
 def _accuracies(study: Study) -> Iterator[str]:
     named = study.ensemble.accuracy.named if study.ensemble is not None else {}
     for name, width in named.items():
-        if not width.relative and width >= WIDEST:
+        if not width.relative and width >= WIDEST and name != "log_leak_rate":
             number = number_text(float(width))
             text = f"accuracy of {name} is {number} in units of {name} itself, no share"
             yield f"{text}: write '{number} %' for a percentage"

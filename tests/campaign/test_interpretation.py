@@ -78,6 +78,8 @@ def test_an_accuracy_that_looks_like_a_percentage_is_doubtful() -> None:
     expected = "accuracy of free_volume is 1 in units of free_volume itself, no share: write '1 %' for a percentage"
     assert _doubts(text) == [expected]
     assert _doubts(text.replace("volume: 1", "volume: 50 %")) == []
+    leak = text.replace("free_volume: 1", "log_leak_rate: 1")  # a factor of ten
+    assert _doubts(f"{leak}\nrecord: {{transport: {{transmissivity: every-step}}}}") == []
 
 
 def test_a_first_pressure_that_is_not_used_is_doubtful() -> None:

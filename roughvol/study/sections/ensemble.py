@@ -76,6 +76,14 @@ def _accuracy(value: Any) -> Accuracy:
     return Accuracy(share, f"{number_text(round(100.0 * share, 12))} %")
 
 
+def _absolute(value: Any) -> Accuracy:
+    """Return the accuracy of a logarithm, which is no share."""
+    width = _accuracy(value)
+    if width.relative:
+        refuse("must be a number > 0, as 0.05 for 12 % of the leak: a share of a logarithm is no share of the leak")
+    return width
+
+
 HalfWidth = Annotated[
     Accuracy,
     PlainValidator(_accuracy),
@@ -84,9 +92,17 @@ HalfWidth = Annotated[
 ]
 
 
-def _mean(quantity: str) -> Any:
+LogHalfWidth = Annotated[
+    Accuracy,
+    PlainValidator(_absolute),
+    PlainSerializer(plain_form),
+    WithJsonSchema({"type": "number", "exclusiveMinimum": 0}),
+]
+
+
+def _mean(quantity: str, width: str = "relative as 1 % or absolute as 0.01") -> Any:
     """Return the field of the accuracy of a mean."""
-    return optional(f"{quantity}: half-width of the 95 % interval of its mean, relative as 1 % or absolute as 0.01")
+    return optional(f"{quantity}: half-width of the 95 % interval of its mean, {width}")
 
 
 class Accuracies(Choice):
@@ -103,7 +119,9 @@ class Accuracies(Choice):
     indentation: HalfWidth | None = _mean("Δ/σ")
     connected_volume_fraction: HalfWidth | None = _mean("share of V* connected to a side; record.transport.percolation")
     transmissivity: HalfWidth | None = _mean("T*, mean of both axes; record.transport.transmissivity")
-    log_leak_rate: HalfWidth | None = _mean("log10(T* V*^3), mean of both axes; record.transport.transmissivity")
+    log_leak_rate: LogHalfWidth | None = _mean(
+        "log10(T* V*^3), mean of both axes; record.transport.transmissivity", "absolute as 0.05"
+    )
     percolation_pressure: HalfWidth | None = _mean("p* at which no way is left along x or y; sweep.to: percolation")
     percolation_pressure_x: HalfWidth | None = _mean("p* at which no way is left along x; sweep.to: {percolation: x}")
     percolation_pressure_y: HalfWidth | None = _mean("p* at which no way is left along y; sweep.to: {percolation: y}")
