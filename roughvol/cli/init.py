@@ -52,7 +52,8 @@ def init(names: tuple[str, ...], listing: bool, changes: tuple[str, ...]) -> Non
     """Write the study EXAMPLE, or the study of the height map FILE, into the current folder, or list the examples.
 
     Several maps make one study. Sizes and units come from FILE. What it lacks is left to fill in. Oblong pixels are
-    resampled, and missing heights interpolated. Files that exist are not overwritten.
+    resampled, and missing heights interpolated. --set takes keys of the section surface, for a FILE alone. Files that
+    exist are not overwritten.
     """
     known = _examples()
     if not names or listing:
