@@ -132,6 +132,13 @@ def test_runs_of_one_common_load_are_compared_there(sweep: str, load: float, her
     assert [row["mean_pressure"] for row in rows] == pytest.approx([load] * 2)
 
 
+def test_listed_loads_at_the_ends_are_compared(here: Path) -> None:
+    """Of a first step at 0.1 + 2e-8 the load 0.1 was left out."""
+    ran("listed", "surface: {D: 2.2, m: 3, seeds: 1}\nsweep: {pressures: [0.1, 0.2]}\n")
+    states = [row["state"] for row in answered("compare", "listed", twin("listed"))["rows"]]
+    assert (states[0], states[-1]) == ("pressure=0.1", "pressure=0.2")
+
+
 def test_a_single_step_is_one_step_and_has_no_stiffness(here: Path) -> None:
     ran("single", "surface: {D: 2.2, m: 3, seeds: 1}\nsweep: {steps: 1, to: {pressure: 0.5}}\n")
     shown, reported = said("show", "single"), said("report", "single")

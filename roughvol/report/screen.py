@@ -322,5 +322,6 @@ def _equal_loads(every: Sequence[Dataset]) -> list[Level]:
         found = f"the largest first step has {name} {low:.4g}{words}, the smallest end {high:.4g}{words}"
         raise DatasetError(f"no load is common to these runs: {found}")
     rounded = dict.fromkeys(float(f"{value:.2g}") for value in np.geomspace(low, high, EQUAL))
-    inside = [value for value in rounded if low <= value <= high] or [float(f"{0.5 * (low + high):.6g}")]
+    least, most = low / (1.0 + REACHED), high * (1.0 + REACHED)
+    inside = [value for value in rounded if least <= value <= most] or [float(f"{0.5 * (low + high):.6g}")]
     return [Level("pressure", Quantity(value, unit) if unit else value) for value in inside]
