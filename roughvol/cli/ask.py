@@ -60,11 +60,14 @@ def ask(
     as_json: bool,
     changes: tuple[str, ...],
 ) -> None:
-    """Find where the leak of RUN falls to a value: RUN is a folder, a study.nc, a study file, or a name.
+    """Find where the leak of RUN falls to a value.
+
+    RUN is a folder, a study.nc, a study file, or a name under runs/ [default: the latest].
 
     The answer is read off the stored sweep: numbers depend on E* and Sq through p* alone. Of several surfaces the
     leakiest decides. The answer has the interval of the reading, and the command that narrows it or goes on. Nothing is
-    solved, but for --budget: then the interval has the errors of solver, grid, window and levelling too.
+    solved, but for --budget: then the interval has the errors of solver, grid, window and levelling too. A modulus and
+    an Sq are found at the pressure or load of --at.
     """
     if (leak_rate is None) == (not closed):
         raise click.UsageError("either --leak-rate VALUE or --closed")

@@ -48,10 +48,12 @@ def creep(
 ) -> None:
     """Show the leak of RUN over time, for a material that creeps under constant load.
 
+    RUN is a folder, a study.nc, a study file, or a name under runs/ [default: the latest].
+
     The modulus of the study is that at once. States at later times are read off the stored sweep: at constant load the
     contact is that of the modulus 1/J(t) (Lee and Radok 1960). Times whose states the sweep does not reach are refused.
     Of several surfaces the leak is the median, with the 16-84 % range and the number of open surfaces. With --budget it
-    has the interval of leak cards at up to four of the states.
+    has the interval of leak cards at up to four of the states. --at is a pressure or a load.
     """
     from roughvol.analysis import creep as over_time
     from roughvol.analysis.tables import number
