@@ -175,6 +175,7 @@ def test_init_on_a_read_only_disk_says_so(monkeypatch: pytest.MonkeyPatch) -> No
         ("sweep", ("{steps: 60, to: mean-plane, equal: indentation}", "sweep.steps")),
         ("leak_rate", ("volume flow along the axis", "length^3/time")),
         ("material", ("{E_star} or {E, nu}", "material.E_star", "where its key has a list")),
+        ("Q_seal", ("derived from study.nc", "needs      seal")),
     ],
 )
 def test_explain_gives_meaning_values_default_and_unit_in_order(name: str, words: tuple[str, ...]) -> None:

@@ -69,15 +69,15 @@ def _say_facts(head: str, facts: Iterable[tuple[str, str]]) -> None:
 def _say_variable(name: str, row: Variable, stored_by: str) -> None:
     from roughvol.observables.variables import LISTED
 
-    others = "every study, or as docs/reference/observables.md describes"
+    others = "where its key has a list" if name in LISTED else "every study that it applies to" if row.stored else ""
     facts = (
         ("meaning", row.long_name),
         ("units", row.units),
         ("along", row.dims.replace("...", "D m seed (or case)") or "none, one number"),
-        ("stored", stored_by or ("where its key has a list" if name in LISTED else others)),
+        ("stored" if row.stored else "needs", stored_by or others),
         ("from", row.source),
     )
-    kept = [fact for fact in facts if fact[1] and (row.stored or fact[0] != "stored")]
+    kept = [fact for fact in facts if fact[1]]
     _say_facts(f"{name}   {row.symbol}   {'variable of study.nc' if row.stored else 'derived from study.nc'}", kept)
 
 
