@@ -145,9 +145,9 @@ End = Annotated[
     Discriminator(_tag_to),
 ]
 _ENDS = (
-    "last state: mean-plane, summit-plane, percolation (no open way left), or one of {percolation: x|y|both}, "
-    "{indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, {free_volume: x}, {mean_gap: 1 um}, "
-    "{load: 20 N}, {leak_rate: 1e-3 mm^3/s}"
+    "last state: mean-plane (d = 0), summit-plane (at the mean height of the summits), percolation (no open way left), "
+    "or one of {percolation: x|y|both}, {indentation: x}, {contact_area: x}, {pressure: x}, {separation: x}, "
+    "{free_volume: x}, {mean_gap: 1 um}, {load: 20 N}, {leak_rate: 1e-3 mm^3/s}"
 )
 
 
