@@ -13,7 +13,7 @@ from xarray import Dataset
 
 import roughvol
 from roughvol.analysis.at import at, between, place_of
-from roughvol.analysis.average import average, averages, is_flow
+from roughvol.analysis.average import average
 from roughvol.analysis.derived import derived, groups
 from roughvol.analysis.leak import counted
 from roughvol.analysis.leak_curve import curves
@@ -76,19 +76,6 @@ def _groups(run: Run) -> list[Dataset]:
     return [group for _, group in groups(derived(run.dataset, run.study))]
 
 
-def test_the_state_of_a_path_is_named_with_its_leg() -> None:
-    legs = [{"steps": 2, "to": {"pressure": load}} for load in (1.0, 0.1, 1.5)]
-    ds = roughvol.press(np.random.default_rng(0).normal(size=(9, 9)), L=1.0, sweep=legs)
-    for text, label in {
-        "pressure=0.5": "pressure=0.5, leg 1",
-        "p=0.5, leg 2": "pressure=0.5, leg 2",
-        "pressure=1.2": "pressure=1.2, leg 3",
-        "last": "last, leg 3",
-        "last,leg=2": "last, leg 2",
-    }.items():
-        assert roughvol.show(ds, text).frame()["state"].item() == label
-
-
 @pytest.mark.parametrize(("kind", "value"), [("pressure", 0.2), ("free_volume", 1.5)])
 def test_a_level_before_the_first_step_is_on_no_later_leg_unless_it_is_named(kind: str, value: float) -> None:
     """The state of a later leg was given: of metal that has yielded, with another leak."""
@@ -133,15 +120,6 @@ def test_symbols_name_their_quantities(text: str, kind: str) -> None:
     assert parse(text) == parse(f"{kind}={text.partition('=')[2]}")
 
 
-def test_under_fluid_pressure_the_leaks_are_those_of_the_solved_gap() -> None:
-    run = _run("lift")
-    for level in ("pressure=0.03 MPa", "pressure=0.05 MPa"):
-        state, solved = at(run, _groups(run)[0], parse(level)).data, run.dataset.isel(D=0, m=0).sel(fluid_at=level)
-        assert_allclose(state["leak_rate"].values, solved["fluid_leak_rate"].values, rtol=0.0)
-        dry = solved["fluid_leak_rate"] * (solved["fluid_leak_dry"] / solved["fluid_leak"]).fillna(0.0)
-        assert_allclose(state["leak_rate_dry"].values, dry.values, rtol=1e-12)  # not read off between the steps
-
-
 def test_a_step_that_ends_short_of_a_recorded_load_has_the_lifted_leak_there() -> None:
     """The recorded state belonged to the next step, and the leak of this surface was missing at the listed load."""
     ds = _run("lift").dataset
@@ -169,17 +147,6 @@ def test_a_figure_shows_the_leak_at_every_state_under_fluid_pressure(x: str) -> 
     assert_allclose(way.value, [float(state["leak_rate"].sel(axis="y")[0]) for state in states], rtol=0.0)
 
 
-def test_a_flow_has_a_median_and_another_number_a_mean() -> None:
-    values = [1.0, np.nan, 0.0, 10.0]
-    flow, other = average("leak_rate_dry_x", values), average("free_volume", values)
-    assert (flow.value, flow.count, flow.surfaces) == (1.0, 3, 4)
-    assert (flow.low, flow.high) == tuple(np.quantile([1.0, 0.0, 10.0], [0.16, 0.84]))
-    assert other.value == pytest.approx(11.0 / 3.0)
-    assert is_flow("gas_transmissivity")
-    assert is_flow("gas_transmissivity_y")
-    assert not is_flow("critical_gap")
-
-
 @pytest.mark.parametrize(("known", "value"), [([0.0, 0.0], 0.0), ([0.0], math.nan), ([0.0, 4.0], 2.0)])
 def test_a_median_of_0_is_missing_where_an_unknown_leak_decides(known: list[float], value: float) -> None:
     found = average("leak_rate", [*known, math.nan])
@@ -197,17 +164,6 @@ def test_a_surface_that_closed_does_not_close_those_that_are_not_known(here: Pat
     assert row.split()[2:] == ["0", "of", "2", "(1", "closed", "before)", "0", "of", "1", "–", "–"]
     rows = answered("compare", "seal", twin("seal"), "--at", beyond)["rows"]
     assert [(row["closed_before"], row["leak_rate_x"]) for row in rows] == [(1, None), (1, None)]
-
-
-def test_averages_of_a_dataset_are_those_of_its_variables() -> None:
-    run = _run("seal")
-    state = at(run, _groups(run)[0], parse("pressure=0.05 MPa")).data
-    means, state = averages(state).sel(axis="x"), state.sel(axis="x")
-    for name in ("leak_rate", "free_volume"):
-        one = average(name, state[name].values)
-        assert float(means[name]) == one.value
-        assert_allclose(means[f"{name}_range"].values, [one.low, one.high])
-        assert int(means[f"{name}_count"]) == one.count
 
 
 @pytest.mark.parametrize("corner", [False, True])
@@ -253,12 +209,6 @@ def test_a_state_of_recorded_flux_has_the_leak_solved_for_it(pressure: str, tmp_
     assert_allclose(found["leak_rate"], exact["leak_rate"], rtol=1e-4)  # loads are searched to `level.REACHED`
     assert_allclose(found.nominal_pressure, exact.nominal_pressure, rtol=1e-5)
     assert bool(found.residual.isnull().all()) == (pressure == "0.01 MPa")
-
-
-@pytest.mark.parametrize("load", ["pressure=35 kPa", "p=0.7", "load=0.3951171875 mN"])
-def test_a_recorded_state_is_found_by_its_load_in_any_unit(load: str) -> None:
-    found, recorded = (_run("flux").dataset.roughvol.at(at) for at in (load, "pressure=0.035 MPa"))
-    assert_allclose(found.leak_rate, recorded.leak_rate, rtol=1e-12)
 
 
 def test_a_state_recorded_on_a_later_leg_is_the_state_solved_for_it(tmp_path: Path) -> None:
@@ -394,14 +344,6 @@ def test_a_surface_that_yielded_does_not_open_at_the_load_at_which_it_closed(tmp
     up, down = (ds.roughvol.at(pressure=f"{load:.9g} MPa", leg=leg).open for leg in (1, 2))
     assert_allclose(up, 0.0)
     assert_allclose(down, 1.0)  # open up to the closed step: where it opens is not known
-
-
-def test_a_listed_load_of_a_later_leg_is_the_step_solved_for_it(tmp_path: Path) -> None:
-    legs = "[{pressures: [0.02 MPa, 0.08 MPa]}, {pressures: [0.05 MPa, 0.03 MPa]}]"
-    ds = _made(SEAL, tmp_path, legs)
-    for step, load in ((2, "0.05 MPa"), (3, "0.03 MPa")):
-        found = ds.roughvol.at(pressure=load, leg=2)
-        assert_allclose(found["leak_rate"], ds["leak_rate"].isel(step=step), rtol=0.0)
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from roughvol.report.figures.creep import drawing_of
 from roughvol.store.dataset import Dataset
 from roughvol.study import Creep, load_creep, loads, read_times
 from tests.analysis.kit import RUBBER
-from tests.kit import LEAKING_GAS, answered, ran, refused, said
+from tests.kit import answered, refused, said
 
 TEXT = RUBBER.replace("name: seal", "name: rubber").replace("m: 4", "m: 6").replace("10 mbar", "1 mbar")
 TEXT = TEXT.replace("steps: 20, to: {pressure: 1.2}", "steps: 24, to: {pressure: 2.0}")
@@ -392,12 +392,3 @@ def test_a_share_of_the_compliance_creeps_as_that_body_would(tmp_path: Path) -> 
     assert of_share.words(MATERIAL) == f"{first:.3g} of 1/E* creeps"
     with pytest.raises(StudyError, match=r"share: is for a study with material\.E_star"):
         of_share.ratio(1.0, two.material)
-
-
-def test_a_gas_alone_has_its_leak_over_time(here: Path) -> None:
-    ran("gas", LEAKING_GAS)
-    Path("law.yaml").write_text("table: {times: [1 s, 1 h], ratios: [1, 1.2]}", encoding="utf-8")
-    question = ("creep", "gas", "--law", "law.yaml", "--at", "pressure=0.2MPa", "--times", "1 s, 1 h")
-    printed = said(*question)
-    assert "Q_x [sccm]" in printed
-    assert "are not in these numbers; with them: --budget, or roughvol card gas\n" in printed

@@ -34,7 +34,6 @@ from roughvol.surfaces import Spectrum, power_law_surface, texture
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.treatment import block_means
 from tests.analysis.kit import DIMENSIONAL, RUBBER, part_of
-from tests.kit import said
 
 TEXT = RUBBER.replace("m: 4, seeds: 2", "m: 5, seeds: 3").replace("steps: 20", "steps: 4") + "solver: {rtol: 1.0e-4}\n"
 ONE = TEXT.replace("seeds: 3", "seeds: 1")
@@ -183,17 +182,6 @@ def test_the_window_is_the_interval_of_the_median_over_surfaces(runs: CardRuns) 
 
 VARIED = TEXT.replace(", Sq: 0.4 um", "").replace("steps: 4, to: {pressure: 1.2}", "steps: 5, to: percolation")
 SMALL = VARIED.replace("m: 5", "m: 4")
-
-
-def test_surfaces_of_different_sq_have_the_median_of_their_leaks(tmp_path: Path) -> None:
-    run = _pressed(SMALL, AT, tmp_path)
-    card, varied = _of(run), run.dataset
-    assert np.ptp(varied.Sq.values) > 0.1 * varied.Sq.values.mean()
-    way = card.ways[1]
-    rates = varied.flux_at_leak_rate.sel(axis="y").values.ravel()
-    assert_allclose(way.leak.value, np.median(rates), rtol=1e-9)
-    assert_allclose((way.leak.low, way.leak.high), np.quantile(rates, (0.16, 0.84)), rtol=1e-9)
-    assert (way.open, way.leak.count, way.leak.surfaces) == (3, 3, 3)
 
 
 @pytest.mark.parametrize(
@@ -595,18 +583,6 @@ def test_a_fluid_pressure_without_units_keeps_its_nominal_value_on_other_grids(t
     assert_allclose(card.ways[0].leak.value, runs.fine.dataset.fluid_leak.sel(axis="x").item(), rtol=1e-12)
 
 
-def test_the_gas_beside_fluid_pressure_is_named_dry(tmp_path: Path) -> None:
-    text = LIFT.replace("m: 5", "m: 4").replace("every-step}", "every-step, gas_flow: every-step}")
-    text = text.replace("unit: mm^3/s}", "unit: mm^3/s}, gas_leak_rate: mbar*l/s")
-    text += "fluid: {gas: helium, inlet: 2 bar, outlet: 1.5 bar}\n"
-    run = _pressed(text, Level("last"), tmp_path)
-    named = {beside.words: beside for beside in _of(run).beside}
-    gas = next(words for words in named if "helium" in words)
-    assert gas.startswith("leak of the dry gap, without fluid pressure")
-    assert not any(beside.intervals for beside in named.values())  # the errors are those of the lifted gap
-    assert_allclose(named[gas].leaks[0].value, run.dataset.gas_leak_rate.sel(axis="x").isel(step=-1).item(), rtol=1e-9)
-
-
 # the curve of a leak
 
 
@@ -681,25 +657,3 @@ def _levelled(heights: np.ndarray) -> np.ndarray:
     terms = np.stack([np.ones(u.size), u, v, u * u, u * v, v * v], axis=1)
     fit = terms @ np.linalg.lstsq(terms, heights.ravel(), rcond=None)[0]
     return heights - fit.reshape(heights.shape)
-
-
-def test_a_card_from_the_file_of_an_instrument(here: Path) -> None:
-    topography = pytest.importorskip("SurfaceTopography", reason="needs the extra roughvol[measured]")
-    heights = random_midpoint_displacement(2.2, 4, side=200.0, seed=11).heights
-    heights = 0.8 * heights / heights.std() + 0.02 * np.arange(17)[:, None]
-    holes = np.random.default_rng(0).random(heights.shape) < 0.02
-    scan = topography.Topography(np.ma.masked_array(heights, holes), (17 * 7.8125, 17 * 7.8125), unit="µm")
-    scan.to_x3p("scan.x3p")
-    text = re.sub("surface: .*", "surface: {file: scan.x3p, level: tilt, missing: interpolate, unit: um}", TEXT)
-    Path("seal.yaml").write_text(text.replace("steps: 4, to: {pressure: 1.2}", "steps: 2, to: {pressure: 0.05 MPa}"))
-    printed = said("card", "seal.yaml", "--at", "pressure=0.03 MPa", "--jobs", "1")
-    for row in (
-        r"Load +0\.03 MPa",
-        r"Surface +scan\.x3p, Sq ",
-        "\n  solver ",
-        "\n  grid ",
-        "\n  window ",
-        "\n  levelling ",
-    ):
-        assert re.search(row, printed)
-    assert Path("runs/seal_card/card_pressure=0.03_MPa.pdf").stat().st_size > 1_000

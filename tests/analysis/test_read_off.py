@@ -338,26 +338,13 @@ LIFT = (
 
 
 def test_the_leak_under_fluid_pressure_is_not_read_off_the_dry_leak(here: Path) -> None:
-    Path("law.yaml").write_text("prony: {shares: [0.5], times: [10 s]}")
+    """Other questions: crossing/test_crossing.py."""
     ran("lift", LIFT)
-    creep = ("creep", "lift", "--law", "law.yaml", "--at", "pressure=0.05MPa", "--times", "1 s")
-    for question in (
-        ("ask", "lift", "--leak-rate", "1e-6 mm^3/s"),
-        ("ask", "lift", "--leak-rate", "1e-6 mm^3/s", "--for", "modulus", "--at", "pressure=0.05MPa"),
-        ("ask", "lift", "--leak-rate", "1e-3 sccm"),
-        ("ask", "lift", "--closed"),
-        creep,
-        (*creep, "--json"),
-    ):
-        message = refused(*question)
+    for question in (("1e-6 mm^3/s", "--for", "modulus", "--at", "pressure=0.05MPa"), ("1e-3 sccm",)):
+        message = refused("ask", "lift", "--leak-rate", *question)
         known = "the leak under fluid pressure is known at recorded states alone (pressure=0.05 MPa; pressure=0.1 MPa)"
         assert known in message
         assert "record.fluid_pressure.at" in message
-
-
-def test_a_list_is_named_with_its_unit(here: Path) -> None:
-    ran("listed", LEAKING.replace("E: 10 MPa, nu: 0.5", "E_star: [5 MPa, 20 MPa]").replace("steps: 8", "steps: 1"))
-    assert "the run has several E_star (5 MPa, 20 MPa)" in refused("ask", "listed", "--leak-rate", "1e-6 mm^3/s")
 
 
 def test_a_choice_of_a_list_is_read_off_with_the_material_of_its_label(tmp_path: Path) -> None:
