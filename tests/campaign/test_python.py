@@ -75,17 +75,6 @@ def test_a_fork_of_a_process_that_has_pressed_presses_too() -> None:
     assert fork.exitcode == 0
 
 
-def test_press_takes_a_gas() -> None:
-    options: dict[str, Any] = {**SEAL, "to": {"pressure": "0.1 MPa"}, "steps": 1}
-    options |= {"record": {"transport": {"gas_flow": "every-step"}}, "surface": {"heights_unit": "um"}}
-    found = roughvol.press(_heights(), fluid={"gas": "helium", "inlet": "2 bar", "outlet": "1 bar"}, **options)
-    wider = roughvol.press(_heights(), fluid={"gas": "helium", "inlet": "4 bar", "outlet": "1 bar"}, **options)
-    # less slip at the larger mean pressure
-    assert (wider.gas_transmissivity < found.gas_transmissivity).sel(axis="x").all()
-    with pytest.raises(StudyError, match=r'press: argument fluid\["inlet"\]: missing'):
-        roughvol.press(_heights(), fluid={"gas": "helium"}, **options)
-
-
 def test_a_dict_is_a_study() -> None:
     ds = roughvol.run(DATA, jobs=1)
     again = roughvol.run(load_text(), out="other", jobs=1)
@@ -221,6 +210,7 @@ def test_problems_of_a_dict_name_keys_and_no_lines(monkeypatch: pytest.MonkeyPat
         ({"sweep": {"steps": "x"}}, r'sweep\["steps"\]'),
         ({"record": {"texture": 3}}, r'record\["texture"\]'),
         ({"record": "texture"}, "record"),
+        ({"fluid": {"gas": "helium"}}, r'fluid\["inlet"\]'),
         ({"solver": {"rtol": 2}}, r'solver\["rtol"\]'),
         ({"surface": {"level": "tile"}}, r'surface\["level"\]'),
         ({"surface": "tilt"}, "surface"),

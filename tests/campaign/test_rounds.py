@@ -133,14 +133,6 @@ def test_a_plan_that_makes_no_sense_is_read_without_it(finished: Path, cases: Pa
         assert len(status(STUDY, cases).done) == len(found), changed
 
 
-def test_fresh_computes_every_sample_again(cases: Path) -> None:
-    before = files_of(cases)
-    run(STUDY, out=cases, jobs=1, fresh=True)
-    after = files_of(cases)
-    assert after.keys() == before.keys()
-    assert all(after[name] > before[name] for name in after)
-
-
 def test_figures_cannot_choose_the_cases_of_an_ensemble(tmp_path: Path) -> None:
     with pytest.raises(CampaignError, match="an ensemble decides itself"):
         run(STUDY, out=tmp_path, only=["x"])
