@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from roughvol.analysis import derived, groups, spans
-from roughvol.campaign import execution, run_case
+from roughvol.campaign import run_case
 from roughvol.study import loads
 
 SURFACES = {
@@ -53,21 +52,3 @@ def test_of_a_surface_that_yields_the_closing_between_steps_is_solved_and_beyond
             assert np.isnan(solved)
         else:
             assert pressures[open_][-1] < solved <= pressures[~open_][0]
-
-
-def test_the_span_of_a_solved_closing_is_its_load_in_units(tmp_path):
-    text = "surface: {D: 2.2, m: 4, seeds: 2, L: 100 um, Sq: 1 um}\nmaterial: {E_star: 10 MPa}\n"
-    text += "sweep: {steps: 6, to: percolation}\nrecord: {transport: {percolation: every-step, closing: true}}"
-    study = loads(text)
-    ds = execution.run(study, jobs=1, out=tmp_path)
-    ((_, group),) = groups(derived(ds, study))
-    for axis in "xy":
-        found = spans(group, axis)
-        expected = group["closing_pressure"].sel(axis=axis).values * 1.0 * 10.0 / 100.0  # p* E* Sq/L
-        middles = [0.5 * (span.open_up_to + span.closed_from) for span in found]
-        assert_allclose(middles, expected, rtol=1e-12)
-        bracket = spans(group.drop_vars("closing_pressure"), axis)
-        assert all(
-            one.open_up_to <= middle <= one.closed_from * (1 + 1e-3)
-            for one, middle in zip(bracket, middles, strict=True)
-        )

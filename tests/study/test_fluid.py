@@ -8,13 +8,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from roughvol.analysis import read_off as ask
-from roughvol.analysis.leak_budget import card_of
-from roughvol.campaign import card as card_runs
-from roughvol.campaign import execution
 from roughvol.errors import StudyError
 from roughvol.gap.gas import plate_flow
 from roughvol.store.dataset import Dataset
-from roughvol.study import Fluid, Level, loads, throughput
+from roughvol.study import Fluid, loads, throughput
 from tests.campaign.kit import collected
 
 TEXT = """
@@ -127,22 +124,6 @@ def test_a_leak_of_a_gas_is_asked_for_by_its_unit(results: Dataset) -> None:
         ask.of_gas(results, "Sq")
     with pytest.raises(StudyError, match="no leak of a gas"):
         ask.of_gas(results.drop_vars("gas_leak_rate"), "pressure")
-
-
-def test_the_card_has_the_leak_of_the_gas(tmp_path: Path) -> None:
-    study = loads(TEXT)
-    runs = card_runs.compute(study, Level("pressure", 0.5), tmp_path, jobs=1)
-    card = card_of([runs], "gas", "")
-    (gas,) = card.beside
-    x, y = (leak.value for leak in gas.leaks)
-    unknown = {"x_interval": None, "y_interval": None}  # without coarser grids
-    assert card.plain()["beside"] == [{"words": gas.words, "x": x, "y": y, **unknown, "unit": "mbar*l/s"}]
-    assert gas.words.startswith("leak of helium, 2 bar to 1 bar")
-    assert gas.unit == "mbar*l/s"
-    stored = execution.run(study, jobs=1, out=tmp_path / "run").isel(D=0, m=0, seed=0)
-    at = np.exp(np.interp(0.5, stored.mean_pressure, np.log(stored.gas_leak_rate.sel(axis="x"))))
-    assert_allclose(gas.leaks[0].value, at, rtol=0.2)
-    assert_allclose(gas.leaks[0].value, runs.fine.dataset.flux_at_gas_leak_rate.sel(axis="x").item(), rtol=1e-12)
 
 
 def test_plates_of_the_study_and_of_the_solver_are_the_same() -> None:
