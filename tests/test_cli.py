@@ -191,15 +191,6 @@ def test_check_warns_of_a_spike_and_shows_what_was_taken_out(place: Path) -> Non
     assert steps == [("1", "heights"), ("2", "least"), ("3", "missing")]
 
 
-def test_check_shows_the_first_generated_surface_in_its_units(place: Path) -> None:
-    text = "surface: {D: [2.3, 2.5], m: 4, L: 100 um, Sq: 500 nm, seeds: 2}\nsweep: {steps: 1}\n"
-    Path("made.yaml").write_text(text, encoding="utf-8")
-    shown = said("check", "made.yaml")
-    assert "# surface 17 x 17 nodes, L = 100 um by 100 um, spacing 6.25 um\n" in shown
-    assert "D = 2.30, m = 4, seed 0, the first of 4 cases" in shown
-    assert "Sq = 0.5 um" in shown
-
-
 def test_check_draws_a_picture_on_request(place: Path) -> None:
     shown = said("check", "tiny.yaml", "--look")
     assert "# picture tiny-look.png" in shown

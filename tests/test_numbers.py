@@ -47,14 +47,6 @@ def test_the_table_after_a_path_has_the_end_of_each_leg(printed: dict[str, str])
     assert [row[0] for row in _columns(printed["path"])[2:4]] == ["step 4, leg 1", "step 7, leg 2"]
 
 
-def test_show_as_json_has_the_units() -> None:
-    shown = answered("show", "wet", "--at", "contact_area=0.2")
-    assert shown["units"]["leak_rate_x"] == "mm^3/s"
-    assert shown["units"]["nominal_pressure"] == "MPa"
-    assert len(shown["rows"]) == 4
-    assert all(abs(row["contact_area_fraction"] - 0.2) < 0.01 for row in shown["rows"])
-
-
 def test_a_load_acts_on_the_whole_period(here: Path) -> None:
     surface = "surface: {D: 2.3, m: 3, L: 100 um, Sq: 1 um, seeds: 1, sides: periodic}\n"
     ran("period", surface + "material: {E_star: 1 GPa}\nsweep: {loads: [20 mN, 50 mN]}\n")
@@ -199,17 +191,6 @@ def test_ls_lists_the_latest_run_first_with_state_size_and_age() -> None:
     finally:
         Path("runs/dry/away").rename("runs/dry/cases")
         Path("kept").rename("runs/dry/study.nc")
-
-
-def test_runs_are_overlaid_by_name_and_their_points_are_written() -> None:
-    said("plot", "dry", "wet", "v_of_p", "--format", "csv", "--out", "drawn")
-    rows = list(csv.DictReader(io.StringIO(Path("drawn/v_of_p.csv").read_text(encoding="utf-8"))))
-    assert {"dry", "wet: D = 2.2, m = 4", "wet: D = 2.4, m = 4"} <= {row["curve"] for row in rows}
-    ds = dataset.read(Path("runs/dry/study.nc")).squeeze()
-    points = [(float(row["x"]), float(row["y"])) for row in rows if row["curve"] == "dry"]
-    expected = list(zip(ds.mean_pressure.values * 10 * 2 / 500, ds.free_volume.values, strict=True))
-    np.testing.assert_allclose(points, expected, rtol=1e-6)
-    assert "[MPa]" in rows[0]["x_label"]
 
 
 def test_the_note_says_of_what_and_at_which_fluid_a_leak_is(printed: dict[str, str]) -> None:
