@@ -270,7 +270,7 @@ class Coupling:
                 error = float(np.linalg.norm(there.left - expected)) / here.norm
             elif load - fluid.mean() <= OPENS * load and (fluid + here.left).mean() >= load:
                 raise Opening(f"contact is lost at an inlet of p* = {self.inlet:.6g}")
-            if error > TRUST or (drag == 0.0 and there.norm >= here.norm):
+            if error > TRUST:
                 drag, shortened = max(1.0, 4.0 * drag), True
                 continue
             here = there
