@@ -34,6 +34,7 @@ from roughvol.surfaces import Spectrum, power_law_surface, texture
 from roughvol.surfaces.midpoint import random_midpoint_displacement
 from roughvol.surfaces.treatment import block_means
 from tests.analysis.kit import DIMENSIONAL, RUBBER, part_of
+from tests.kit import said
 
 TEXT = RUBBER.replace("m: 4, seeds: 2", "m: 5, seeds: 3").replace("steps: 20", "steps: 4") + "solver: {rtol: 1.0e-4}\n"
 ONE = TEXT.replace("seeds: 3", "seeds: 1")
@@ -657,3 +658,25 @@ def _levelled(heights: np.ndarray) -> np.ndarray:
     terms = np.stack([np.ones(u.size), u, v, u * u, u * v, v * v], axis=1)
     fit = terms @ np.linalg.lstsq(terms, heights.ravel(), rcond=None)[0]
     return heights - fit.reshape(heights.shape)
+
+
+def test_a_card_from_the_file_of_an_instrument(here: Path) -> None:
+    topography = pytest.importorskip("SurfaceTopography", reason="needs the extra roughvol[measured]")
+    heights = random_midpoint_displacement(2.2, 4, side=200.0, seed=11).heights
+    heights = 0.8 * heights / heights.std() + 0.02 * np.arange(17)[:, None]
+    holes = np.random.default_rng(0).random(heights.shape) < 0.02
+    scan = topography.Topography(np.ma.masked_array(heights, holes), (17 * 7.8125, 17 * 7.8125), unit="µm")
+    scan.to_x3p("scan.x3p")
+    text = re.sub("surface: .*", "surface: {file: scan.x3p, level: tilt, missing: interpolate, unit: um}", TEXT)
+    Path("seal.yaml").write_text(text.replace("steps: 4, to: {pressure: 1.2}", "steps: 2, to: {pressure: 0.05 MPa}"))
+    printed = said("card", "seal.yaml", "--at", "pressure=0.03 MPa", "--jobs", "1")
+    for row in (
+        r"Load +0\.03 MPa",
+        r"Surface +scan\.x3p, Sq ",
+        "\n  solver ",
+        "\n  grid ",
+        "\n  window ",
+        "\n  levelling ",
+    ):
+        assert re.search(row, printed)
+    assert Path("runs/seal_card/card_pressure=0.03_MPa.pdf").stat().st_size > 1_000

@@ -225,6 +225,15 @@ def test_another_study_in_the_same_folder_is_refused_with_the_difference(folder:
     assert all("no case of this study" in path.read_text() for path in aside.glob("*.reason.txt"))
 
 
+@pytest.mark.parametrize(("old", "new"), [("seeds: 2", "seeds: 3"), ("[2, 3]", "[3, 2, 1]")])
+def test_more_cases_of_the_same_study_are_all_that_is_computed(folder: Path, old: str, new: str) -> None:
+    before, more = files_of(folder), loads(TEXT.replace(old, new).replace("tiny", "renamed"))
+    results = run(more, out=folder, jobs=1)
+    assert before.items() <= files_of(folder).items()
+    assert len(files_of(folder)) == len(more.cases()) > 8
+    assert bool(results.converged.all())
+
+
 def test_other_heights_are_another_study_and_fewer_files_are_the_same(tmp_path: Path) -> None:
     text, out = "surface: {files: [a.npy, b.npy], L: 4.0}\nsweep: {steps: 2}", tmp_path / "out"
     for seed in (1, 3):

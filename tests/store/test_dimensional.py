@@ -73,6 +73,14 @@ def test_two_parallel_plates_leak_by_the_closed_form(results: Dataset) -> None:
     assert_allclose(found.free_volume_per_area, 5e-6 * 1e9, rtol=1e-12)  # m³/m² in mm³/m²
 
 
+def test_pressure_volume_and_gaps_are_the_starred_ones_times_their_scales(results: Dataset) -> None:
+    sigma = results.Sq  # um
+    assert_allclose(results.nominal_pressure, results.mean_pressure * sigma / 100 * 2000, rtol=1e-12)
+    assert_allclose(results.mean_plane_separation, results.separation * sigma, rtol=1e-12)
+    assert_allclose(results.critical_opening, results.critical_gap * sigma * 1000, rtol=1e-12)
+    assert_allclose(results.free_volume_per_area, results.mean_gap * 1e3, rtol=1e-12)
+
+
 def test_what_is_asked_for_at_a_state_that_no_case_reaches_is_missing_and_told(results: Dataset) -> None:
     never = TEXT.replace("every-step", "{contact_area: 0.99}")
     made = collected(loads(never + WANTED))
@@ -82,6 +90,16 @@ def test_what_is_asked_for_at_a_state_that_no_case_reaches_is_missing_and_told(r
     assert made.mean_gap.notnull().all()
     assert dataset.unreached(made) == {"transmissivity": 2, "constriction": 2}
     assert dataset.unreached(results) == {}
+
+
+def test_what_is_added_is_described_with_the_units_asked_for(results: Dataset) -> None:
+    units = {"nominal_pressure": "MPa", "free_volume_per_area": "mm^3/m^2", "mean_gap": "um", "leak_rate": "mm^3/s"}
+    units |= {"critical_opening": "nm", "mean_plane_separation": "um"}
+    assert {name: results[name].attrs["units"] for name in units} == units
+    assert {name: results[name].attrs["symbol"] for name in MADE} == {name: VARIABLES[name].symbol for name in MADE}
+    assert results.leak_rate.attrs["pressure_drop"] == "2 bar"
+    assert results.leak_rate.attrs["viscosity"] == "3 mPa*s"
+    assert results.leak_rate.dims == ("D", "m", "seed", "step", "axis")
 
 
 def test_the_same_study_in_other_units_gives_the_same_numbers() -> None:
