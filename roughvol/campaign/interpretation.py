@@ -200,6 +200,8 @@ def _unused(study: Study) -> Iterator[str]:
     for k, leg in enumerate(study.sweep.legs):
         if k and leg.first is not None:
             yield f"sweep[{k}].first is not used: equal ratios of a later leg begin at the end of the leg before"
+    if study.material.conductivity and (study.material.yields or study.kernel(None).lengths):
+        yield "material.conductivity is not used: metal that yields and layers have no conductance from their stiffness"
 
 
 def _hardness(study: Study) -> Iterator[str]:

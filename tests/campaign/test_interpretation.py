@@ -82,6 +82,13 @@ def test_an_accuracy_that_looks_like_a_percentage_is_doubtful() -> None:
     assert _doubts(f"{leak}\nrecord: {{transport: {{transmissivity: every-step}}}}") == []
 
 
+@pytest.mark.parametrize(("more", "unused"), [("", 0), (", hardness: 1 GPa", 1), (", thickness: 5 um", 1)])
+def test_conductivities_of_no_elastic_half_spaces_are_not_used(more: str, unused: int) -> None:
+    material = f"material: {{E: 70 GPa, nu: 0.3, conductivity: [200 W/m/K, 50 W/m/K]{more}}}"
+    found = _doubts(f"surface: {{D: 2.2, m: 4, L: 100 um, Sq: 1 um, sides: mirrored}}\n{material}")
+    assert len([sentence for sentence in found if "material.conductivity is not used" in sentence]) == unused
+
+
 def test_a_first_pressure_that_is_not_used_is_doubtful() -> None:
     legs = "sweep: [{steps: 2, to: {pressure: 2}, %s}, {steps: 2, to: {pressure: 0.1}, %s}]"
     given, left_out = "equal: log pressure, first: 0.3", "equal: log pressure"
