@@ -18,7 +18,7 @@ from roughvol.study.plain_data import number_text
 from roughvol.study.sections import treatment
 from roughvol.study.sections.ensemble import WIDEST
 from roughvol.study.sections.seal import unevenness
-from roughvol.study.values.units import convert, unit_of
+from roughvol.study.values.units import convert, in_unit, unit_of
 from roughvol.surfaces import length_units, measured, texture
 from roughvol.surfaces.body import Body
 from roughvol.surfaces.files import reading
@@ -151,11 +151,15 @@ def _bare(study: Study, kind: str) -> list[float]:
     """Return the values without a unit of the states of a kind: ends, lists, recorded levels, states of an ensemble."""
     if not study.sweep.steps:
         return []
-    states = [level for leg in study.sweep.legs for level in leg.goals]
+    states = _goals(study)
     states.append(Level("pressure", study.sweep.legs[0].first))
     states += [level for select in study.record.selects.values() for level in select.levels]
     states += study.ensemble.at.levels if study.ensemble is not None else ()
     return sorted({level.value for level in states if level.kind == kind and level.value and not unit_of(level.value)})
+
+
+def _goals(study: Study) -> list[Level]:
+    return [level for leg in study.sweep.legs for level in leg.goals]
 
 
 def _pressures(study: Study, kind: str, values: Sequence[float], scales: Sequence[float], about: str) -> str:
@@ -225,6 +229,11 @@ def _seal(study: Study, unit: str | None, waves: Sequence[float]) -> Iterator[st
             f"seal.width {seal.width} is larger than seal.length {seal.length}: the length is along the seal line, the "
             "width along the flow"
         )
+    forces = [level for level in _goals(study) if level.kind == "load"]
+    if forces and unit is not None:
+        most = max(forces, key=lambda level: in_unit(level.value or 0.0, "N"))
+        pressure = f"write pressure: {seal.pressure(most, unit):.3g} MPa"
+        yield f"load {most.value} is the force on one patch; for this force on the seal of {seal.label} {pressure}"
 
 
 def _accuracies(study: Study) -> Iterator[str]:

@@ -7,6 +7,7 @@ No case depends on it: a leak card, `ask` and `creep` make the leak of the seal 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Literal
 
@@ -57,15 +58,16 @@ class Seal(Strict):
         """
         if load.kind != "load" or not load.value or unit is None or material.unit is None:
             return ""
-        strip = float(in_unit(self.length, unit)), float(in_unit(self.width, unit))
-        newton, metre = in_unit(load.value, "N"), convert(1.0, unit, "m")
-        on_patch, on_seal = (1e-6 * newton / (one * other * metre**2) for one, other in (sides, strip))
+        on_patch = 1e-6 * in_unit(load.value, "N") / (math.prod(sides) * convert(1.0, unit, "m") ** 2)
         if on_patch < convert(material.indentation_hardness or material.contact_modulus, material.unit, "MPa"):
             return ""
-        return (
-            f"{load.label} is the load of a patch, {on_patch:.3g} MPa, which is more than it carries; on the seal of "
-            f"{self.label} it is pressure={on_seal:.3g}MPa"
-        )
+        words = f"{load.label} is the load of a patch, {on_patch:.3g} MPa, which is more than it carries"
+        return f"{words}; on the seal of {self.label} it is pressure={self.pressure(load, unit):.3g}MPa"
+
+    def pressure(self, load: Level, unit: str) -> float:
+        """Return the pressure of a force on the whole seal [MPa]; lengths without a unit are in this unit."""
+        area = in_unit(self.length, unit) * in_unit(self.width, unit) * convert(1.0, unit, "m") ** 2
+        return float(1e-6 * in_unit(load.value or 0.0, "N") / area)
 
     def check(self, sides: tuple[float, float], unit: str | None) -> None:
         """Refuse a seal that is smaller than its patches or far wider, or has a unit where they have none."""
