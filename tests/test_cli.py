@@ -136,6 +136,11 @@ def test_the_locale_c_prints_escapes_too_and_keeps_the_bytes_of_names(
     assert done.stdout.startswith(shown.encode("ascii", "backslashreplace").decode() + "Größe: 8 of 8 cases finished")
 
 
+def test_windows_is_refused_in_words() -> None:
+    with pytest.raises(AssertionError, match=r"^error: roughvol needs Linux or another Unix; on Windows in"):
+        python("-c", "import os, roughvol\nos.name = 'nt'\nimport roughvol.cli")
+
+
 def test_status_counts_and_names_what_is_missing(place: Path) -> None:
     assert "8 of 8 cases finished, collected" in said("status", "tiny.yaml")
     gone, broken, *_ = sorted((place / "runs" / "tiny" / "cases").iterdir())

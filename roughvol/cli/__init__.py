@@ -12,6 +12,12 @@ Options choose how a study is run. The physics is in the study alone. A command 
 Each other module is the command of its name.
 """
 
+import os
+import sys
+
+if os.name != "posix":  # files are locked and limits are asked for as Unix does
+    sys.exit("error: roughvol needs Linux or another Unix; on Windows install it in WSL")
+
 from roughvol.cli.group import main
 
 __all__ = ["main"]
