@@ -20,7 +20,7 @@ PACKAGE = Path(__file__).parents[1] / "roughvol"
 
 # From the bottom up. A module imports from its own room and from lines below. Rooms on one line do not know each other.
 FLOORS = (
-    ("errors", "typing", "_version"),
+    ("errors", "tables", "typing", "_version"),
     ("spellings",),
     ("surfaces",),
     ("gap", "contact", "study"),

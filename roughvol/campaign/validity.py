@@ -11,10 +11,8 @@ without a region: their patch is a sample of a larger joint.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from statistics import NormalDist
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -28,6 +26,7 @@ from roughvol.study.values.state_kinds import REACHED
 from roughvol.study.values.units import in_unit, unit_of
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface, intervals
+from roughvol.tables import table
 from roughvol.typing import Array, Mask
 
 if TYPE_CHECKING:
@@ -62,7 +61,7 @@ class Limit:
         return number > self.value * (1.0 + REACHED)
 
 
-_TABLE = tomllib.loads(Path(__file__).with_name("validity.toml").read_text(encoding="utf-8"))
+_TABLE = table(__file__)
 LIMITS = {key: Limit(key, **row) for key, row in _TABLE.items()}
 
 

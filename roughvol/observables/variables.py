@@ -9,13 +9,13 @@ import importlib
 import itertools
 import math
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from roughvol.tables import table
 
 AXES = ("x", "y")
 """Labels of the dimension ``axis``, the directions of ways and flows."""
@@ -134,7 +134,7 @@ def _filled(value: Any, words: Mapping[str, Any]) -> Any:
     return value.format_map(words) if isinstance(value, str) else value
 
 
-_TABLE = tomllib.loads(Path(__file__).with_name("variables.toml").read_text(encoding="utf-8"))
+_TABLE = table(__file__)
 
 OBSERVABLES = {name: Observable(**row) for name, row in _TABLE["observable"].items()}
 QUANTITIES = variables(_TABLE["group"])

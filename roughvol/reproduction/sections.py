@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 from roughvol.analysis.tables import Table
@@ -16,8 +14,9 @@ from roughvol.reproduction.claims.many_seeds import FEW, ManySeeds
 from roughvol.reproduction.claims.verdict import ABSENT, HOLDS, VERDICTS, Check, Claim, Number, Reading, plain
 from roughvol.reproduction.figures.registry import ALL, drawings
 from roughvol.reproduction.judgement import Judgement
+from roughvol.tables import table
 
-WORDS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+WORDS = table(__file__)
 MARKS = {True: "met", None: "undecided", False: "not met"}
 KINDS = dict(zip(VERDICTS, ("holds", "qualified", "fails", "absent"), strict=True))
 PAPER_END = "mean-plane"  # of the sweeps of the paper

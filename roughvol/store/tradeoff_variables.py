@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
-from pathlib import Path
-
 from roughvol.observables.variables import Variable, variables
+from roughvol.tables import table
 
 QUANTITIES = {"contact_area_fraction": "A*", "mean_pressure": "p*", "free_volume": "V*"}
 RUNG, EACH = "rung", "rung surface"
-_GROUPS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["group"]
+_GROUPS = table(__file__)["group"]
 TABLE: dict[str, Variable] = variables(_GROUPS)
 RUNG_VARIABLES = {name: row for name, row in TABLE.items() if row.dims == RUNG}

@@ -12,11 +12,9 @@ import itertools
 import math
 import re
 import textwrap
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -37,8 +35,9 @@ from roughvol.report.figures.curves import plot, shown
 from roughvol.report.figures.families import Curve, Family, curves, every_family, file_text, held, named, several
 from roughvol.report.states import shortest_names
 from roughvol.store.variants import Part, parts_of, study_in
+from roughvol.tables import table
 
-_TABLE = tomllib.loads(Path(__file__).with_name("figures.toml").read_text(encoding="utf-8"))["content"]
+_TABLE = table(__file__, "figures")["content"]
 DRAWN: tuple[str, ...] = tuple(_TABLE["drawn"])
 """The figures of several runs, without a name."""
 VARIABLES_OF: dict[str, list[str]] = {key: row["variables"] for key, row in _TABLE["quantities"].items()}

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any
 
@@ -17,6 +15,7 @@ from roughvol.errors import DatasetError
 from roughvol.report.figures.cases import CASES, Rule, by_D
 from roughvol.report.figures.origin import dry_note, lacking, leg_note, origin, patch_note, written
 from roughvol.report.figures.style import STYLE, Drawing
+from roughvol.tables import table
 
 BAND = " Thin lines are single surfaces; the band is one standard deviation to both sides of their mean."
 
@@ -84,13 +83,13 @@ class Figure:
 
 
 def figures_of(
-    file: Path,
+    registry: str,
     modules: Sequence[ModuleType],
     kind: type[Figure] = Figure,
     refusals: Mapping[str, Refusal] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """Return the figures that modules draw, by name; a file has their rows under the names of module and function."""
-    tables = tomllib.loads(file.read_text(encoding="utf-8"))
+    """Return the figures that modules draw, by name; ``figures.toml`` beside a registry has their rows."""
+    tables = table(registry, "figures")
     found = {}
     for module in modules:
         for name, row in tables[module.__name__.rpartition(".")[2]].items():

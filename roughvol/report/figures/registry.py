@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from xarray import Dataset
 
 from roughvol.analysis import leak
@@ -50,6 +48,5 @@ REFUSALS = {
     "tradeoff_settings": _ladder("steps"),
 }
 """Why a dataset cannot be drawn, beside a variable that it lacks, by figure."""
-_FILE = Path(__file__).with_name("figures.toml")
-FIGURES: dict[str, Figure] = figures_of(_FILE, (seal, yielding, ensembles, spectra), refusals=REFUSALS)
-TRADEOFF: dict[str, Figure] = figures_of(_FILE, (work_precision,), refusals=REFUSALS)
+FIGURES: dict[str, Figure] = figures_of(__file__, (seal, yielding, ensembles, spectra), refusals=REFUSALS)
+TRADEOFF: dict[str, Figure] = figures_of(__file__, (work_precision,), refusals=REFUSALS)

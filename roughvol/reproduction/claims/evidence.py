@@ -7,10 +7,8 @@ is taken, then the one of the finest lattice, then the one of the most surfaces;
 from __future__ import annotations
 
 import inspect
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,6 +20,7 @@ from roughvol.reproduction.claim_run import ClaimRun
 from roughvol.reproduction.claims.verdict import Check, Claim, Number
 from roughvol.reproduction.needs import PAPER_A, Needs
 from roughvol.store.dataset import recorded_state
+from roughvol.tables import table
 from roughvol.typing import Array
 
 A, P, V, D_SIGMA = "contact_area_fraction", "mean_pressure", "free_volume", "separation"
@@ -138,7 +137,7 @@ class Question:
 
 
 CLAIMS: dict[int, Question] = {}
-TEXTS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("paper.toml").read_text(encoding="utf-8"))
+TEXTS: dict[str, Any] = table(__file__, "paper")
 
 
 def claim(

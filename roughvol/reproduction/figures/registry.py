@@ -7,7 +7,6 @@ drawn from the runs of a report.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -31,9 +30,8 @@ class Comparison(Figure):
             return self.draw(evidence)
 
 
-_FILE = Path(__file__).with_name("figures.toml")
-FIGURES = figures_of(_FILE, (paper,), PaperFigure)
-COMPARISONS = figures_of(_FILE, (theory,), Comparison)
+FIGURES = figures_of(__file__, (paper,), PaperFigure)
+COMPARISONS = figures_of(__file__, (theory,), Comparison)
 ALL: dict[str, Figure] = FIGURES | registry.FIGURES
 """The figures of one run, those of the paper first."""
 NAMES = (*ALL, *content.NAMES)

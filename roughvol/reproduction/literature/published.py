@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import functools
 import math
-import tomllib
-from pathlib import Path
 from typing import Any
 
 from roughvol.reproduction.claims.evidence import Question, claim
 from roughvol.reproduction.claims.verdict import Check, Number
+from roughvol.tables import table
 
-PUBLISHED: dict[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+PUBLISHED: dict[str, Any] = table(__file__)
 LITERATURE: dict[int, Question] = {}
 cited = functools.partial(claim, among=LITERATURE, texts=PUBLISHED)
 
