@@ -22,6 +22,7 @@ from roughvol._version import __version__
 from roughvol.campaign import machine, signals
 from roughvol.cli.options import examples
 from roughvol.cli.output import count, escape, say, silence, warn
+from roughvol.tables import table
 
 FAILED, BAD_INPUT = 1, 2
 OF_RUNS = errors.CampaignError | errors.ContactError | errors.ConvergenceError  # they make the exit code FAILED
@@ -30,34 +31,7 @@ BY_SIGNAL = 128  # plus the number of the signal: 130 by Ctrl-C, 143 by SIGTERM,
 LIGHT = ("schema", "status", "ls", "init", "explain", "licences")  # commands that import no library for computations
 CURABLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENAMETOOLONG)
 TOO_MANY_FILES = os.strerror(errno.EMFILE)
-GROUPS = {
-    "Start": {
-        "init": "Write an example study, or the study of a height map.",
-        "explain": "Describe a key of a study, a stored variable or a gas.",
-        "check": "Show a study with all defaults, its surface and its cost.",
-    },
-    "Run": {
-        "run": "Compute the unfinished cases of a study.",
-        "status": "List finished, running, failed and missing cases.",
-        "ls": "List all runs.",
-    },
-    "Look": {
-        "show": "Print the numbers of a run, all steps or at a load.",
-        "compare": "Print the numbers of several runs at equal loads.",
-        "plot": "Draw figures of one run, or of several overlaid.",
-        "report": "Write a report of runs, with the claims of the paper.",
-    },
-    "Decide": {
-        "card": "Write the leak card of a study: one page.",
-        "ask": "Find the pressure, modulus or Sq of a leak.",
-        "creep": "Show the leak over time under constant load.",
-    },
-    "For developers": {
-        "tradeoff": "Measure the error of an answer against its cost.",
-        "schema": "Print the JSON schema of study files.",
-        "licences": "List the licences of roughvol and of its libraries.",
-    },
-}
+GROUPS = table(__file__)
 """Commands by group, in the order of use; the module of a command has its name."""
 
 

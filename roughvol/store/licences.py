@@ -12,30 +12,14 @@ from fnmatch import fnmatch
 from importlib import metadata
 
 from roughvol.errors import DatasetError
+from roughvol.tables import table
 
 UNKNOWN = "unknown"
 FREE, LIMITED, STRONG = "permissive", "limited copyleft", "copyleft"
 RANK = (FREE, LIMITED, UNKNOWN, STRONG)
 """What a licence asks of a whole program that holds the package, from the least on."""
-PARTS = {  # licence: starts of the names of libraries whose wheel gives them none; docs/explanation/licences.md
-    "GPL-2.0-or-later": "fftw3",
-    "GPL-3.0-or-later WITH GCC-exception-3.1": "gfortran gomp gcc_s stdc++",
-    "LGPL-2.1-or-later": "quadmath",
-    "MPL-2.0": "zmq",
-    "Apache-2.0": "crypto ssl",
-    "BSD-2-Clause": "aec sz avif openjp2",
-    "BSD-3-Clause": "netcdf hdf5 blosc webp sharpyuv",
-    "BSD-3-Clause OR GPL-2.0-only": "zstd",
-    "FTL OR GPL-2.0-or-later": "freetype",
-    "IJG AND BSD-3-Clause": "jpeg",
-    "ISC": "sodium",
-    "MIT": "brotli lcms2 harfbuzz Xau xcb",
-    "bzip2-1.0.6": "bz2",
-    "curl": "curl",
-    "libpng-2.0": "png",
-    "libtiff": "tiff",
-    "public domain": "lzma",
-}
+PARTS = table(__file__)
+"""Licences of libraries whose wheel gives them none, with the starts of their names."""
 _COPYLEFT = re.compile(r"\bA?GPL|(?<!Lesser )General Public License", re.IGNORECASE)
 _LIMITED = re.compile(r"\bLGPL|Lesser General Public|\bMPL|Mozilla|\bEPL|\bCDDL|\bEUPL", re.IGNORECASE)
 _FREE = re.compile(

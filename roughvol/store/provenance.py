@@ -15,33 +15,12 @@ import netCDF4
 from roughvol._version import __version__
 from roughvol.store.stamped_file import FORMAT
 from roughvol.study import Case, Region
-from roughvol.typing import Sides
+from roughvol.tables import table
 
 COMPUTING = ("numpy", "scipy", "pyfftw", "numba")
 """Libraries that decide on the last bit of a number."""
 MOST_NAMED = 3  # files of a step of the treatment
-REFERENCE = (
-    "M. Paggi, Q.-C. He, Evolution of the free volume between rough surfaces in contact, "
-    "Wear 336-337 (2015) 86-95, https://doi.org/10.1016/j.wear.2015.04.021"
-)
-CONVENTIONS = (
-    "heights positive up; pressure positive in compression; non-periodic elastic half space, no friction; "
-    "every node is a square element of side spacing = L/(rows-1); contact = elements with pressure > 0; "
-    "starred: lengths over Sq, pressure times L/(E_star Sq), E_star = E/(1-nu^2); "
-    "separation = (z_max - mean(z) - indentation)/Sq, the rigid far-field one; x and y over L; "
-    "unit 'length' is that of L in the study, and arbitrary"
-)
-_FREE = "non-periodic elastic half space"
-_ENDLESS = CONVENTIONS.replace(
-    "the rigid far-field one", "the mean gap less the plastic volume, displacements having no mean"
-)
-CONVENTIONS_OF: dict[Sides, str] = {
-    "free": CONVENTIONS,
-    "mirrored": _ENDLESS.replace(_FREE, "elastic half space under the surface and its mirror images, endless"),
-    "periodic": _ENDLESS.replace(_FREE, "periodic elastic half space, one period without its edge").replace(
-        "spacing = L/(rows-1)", "spacing = L/rows"
-    ),
-}
+_TABLE = table(__file__)
 
 
 def provenance(
@@ -59,8 +38,8 @@ def provenance(
         "format": FORMAT,
         "roughvol_version": __version__,
         "study": study,
-        "conventions": CONVENTIONS_OF[case.sides],
-        "references": REFERENCE,
+        "conventions": _TABLE["conventions"].format(**_TABLE[case.sides]),
+        "references": _TABLE["references"],
         "libraries": _libraries(),
         "fft": json.dumps(dict(fft)),
         "host": platform.node(),

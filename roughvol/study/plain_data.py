@@ -17,22 +17,14 @@ from typing import Any, NoReturn
 import yaml
 
 from roughvol.errors import CHANGES, Problem
+from roughvol.tables import table
 
 MAX_BYTES, MAX_DEPTH = 1 << 20, 20
 STORED_BYTES = 1 << 24  # of the study of a run, which has every default and every file of a pattern
 
 TOO_LARGE = f"larger than {MAX_BYTES // 1024} KiB: heights belong in a file of their own (surface.file)"
 
-PLAIN = {  # by words of PyYAML
-    r"'\t'": "a tab; allowed: blanks",
-    "mapping values": "a colon out of place; allowed: keys of one section indented alike, a blank behind each of their "
-    "colons, a value with a colon in quotes",
-    "expected ',' or": "a comma or a closing bracket is missing; allowed: {key: value, key: value} and [value, value]",
-    "found '}'": "a closing bracket out of place",
-    "found ']'": "a closing bracket out of place",
-    "unexpected end of stream": "quotation marks that are not closed",
-    "'<block mapping start>'": "another indentation; allowed: keys of one section indented alike",
-}
+PLAIN = table(__file__)
 
 BREAKS = "[\x85\u2028\u2029]"  # YAML has them beside \n and \r
 

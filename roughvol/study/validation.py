@@ -23,6 +23,7 @@ from roughvol.study.sections.height_file import ABSENT, is_absent
 from roughvol.study.sections.strict import models_in, names
 from roughvol.study.values.state_kinds import LISTS, stored_name
 from roughvol.study.values.types import REFUSED
+from roughvol.tables import table
 
 RULE = "rule"  # type of the error of a broken rule
 LONGEST = 60  # letters of a mapping or a list in a message
@@ -31,25 +32,7 @@ MOST_REPAIRS = 20
 
 Models = Mapping[KeyPath, tuple[type[BaseModel], ...]]  # of each mapping of a study, by its place
 
-_PLAIN = {
-    "missing": "missing",
-    "float_type": "must be a number",
-    "list_type": "must be a list",
-    "tuple_type": "must be a list",
-    "int_type": "must be a whole number",
-    "string_type": "must be text (in quotes if it looks like a number)",
-    "bool_type": "must be true or false",
-    "model_type": "must be a mapping (key: value)",
-    "greater_than": "must be > {gt}",
-    "greater_than_equal": "must be >= {ge}",
-    "less_than": "must be < {lt}",
-    "less_than_equal": "must be <= {le}",
-    "finite_number": "must be a finite number",
-    "literal_error": "must be {expected}",
-    "string_pattern_mismatch": "allowed: letters A-Z and a-z, digits, _, - and dots, a letter, digit or _ first",
-    "too_short": "must be a list of at least {min_length}",
-    "string_too_long": "must have at most {max_length} characters",
-}
+_PLAIN = table(__file__)
 
 B = TypeVar("B", bound=BaseModel)
 S = TypeVar("S")

@@ -19,6 +19,7 @@ from roughvol.study.sections.strict import Strict, default
 from roughvol.study.values.types import Positive, refuse
 from roughvol.study.values.units import In, Viscosity, convert, counts_substance, in_unit
 from roughvol.surfaces.length_units import METRES
+from roughvol.tables import table
 
 GAS_CONSTANT = 8.31446261815324  # J/(mol K), exact since 2019
 ZERO_CELSIUS = 273.15  # K
@@ -36,16 +37,7 @@ class Substance(NamedTuple):
     molar_mass: float
 
 
-# constants of Sutherland: White, Viscous Fluid Flow (2006); tests compare with the CRC Handbook at 300 K
-SUBSTANCES = {
-    "air": Substance(1.716e-5, 273.0, 111.0, 28.964e-3),
-    "argon": Substance(2.125e-5, 273.0, 144.0, 39.948e-3),
-    "carbon-dioxide": Substance(1.370e-5, 273.0, 222.0, 44.009e-3),
-    "helium": Substance(1.870e-5, 273.0, 79.4, 4.0026e-3),
-    "hydrogen": Substance(8.411e-6, 273.0, 97.0, 2.016e-3),
-    "nitrogen": Substance(1.663e-5, 273.0, 107.0, 28.014e-3),
-    "oxygen": Substance(1.919e-5, 273.0, 139.0, 31.998e-3),
-}
+SUBSTANCES = {name: Substance(**row) for name, row in table(__file__).items()}
 EQUAL = 1e-11  # relative difference of two pressures that are equal: their ratio is kept with 12 digits
 LAWS = Literal["kinetic", "slip", "viscous"]
 

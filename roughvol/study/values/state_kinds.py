@@ -20,6 +20,7 @@ from roughvol.errors import DatasetError, meant
 from roughvol.study.plain_data import number_text
 from roughvol.study.python_data import text_of_value
 from roughvol.study.values.units import KINDS, ROUNDING, Quantity, Written, convert, in_unit, read, unit_of
+from roughvol.tables import table
 
 if TYPE_CHECKING:
     from roughvol.typing import Load, Loads
@@ -43,7 +44,7 @@ class StateKind:
     """
 
     name: str
-    plural: str
+    plural: str = ""
     unit: str = ""
     symbol: str = ""
     stored: str = ""
@@ -53,22 +54,7 @@ class StateKind:
     needs_unit: bool = False
 
 
-_P, _V, _Q = ("mean_pressure", "pressure"), ("free_volume", "free_volume"), "flow"
-STATE_KINDS = {
-    kind.name: kind
-    for kind in (
-        StateKind("pressure", "pressures", "pressure", "p*", *_P),
-        StateKind("load", "loads", "force", "p*", *_P, needs_unit=True),
-        StateKind("separation", "separations", "length", "d/σ", "separation", "separation", falls=True, search=False),
-        StateKind("indentation", "indentations", "length", "Δ/σ", "indentation", "indentation", search=False),
-        StateKind("mean_gap", "mean_gaps", "length", "V*", *_V, falls=True, needs_unit=True),
-        StateKind("contact_area", "contact_areas", "", "A*", "contact_area_fraction", "contact_area"),
-        StateKind("free_volume", "free_volumes", "", "V*", *_V, falls=True),
-        StateKind("leak_rate", "leak_rates", _Q, fixes="leak_rate", falls=True, needs_unit=True),
-        StateKind("leak_rate_x", "", _Q, fixes="leak_rate_x", falls=True, needs_unit=True),
-        StateKind("leak_rate_y", "", _Q, fixes="leak_rate_y", falls=True, needs_unit=True),
-    )
-}
+STATE_KINDS = {name: StateKind(name, **row) for name, row in table(__file__).items()}
 """All kinds by name."""
 LISTS = {kind.plural: kind for kind in STATE_KINDS.values() if kind.plural}
 """Kinds by the keys of lists in a sweep."""
@@ -173,12 +159,12 @@ def parse(text: str) -> Level:
             f"no state {text!r}{hint}; allowed: last, or KIND=VALUE with a KIND of "
             f"{', '.join(kinds)}, as pressure=0.5MPa; then a leg of a path, as pressure=0.5MPa, leg 2"
         )
-    kind = STATE_KINDS.get(name, StateKind(name, ""))
+    kind = STATE_KINDS.get(name, StateKind(name))
     try:
         level = Level(name, read(value, kind.unit), leg)
     except ValueError as error:
         raise DatasetError(f"{text}: {error}") from error
-    if kind.unit == _Q and not float(level.value or 0.0) > 0.0:
+    if kind.unit == "flow" and not float(level.value or 0.0) > 0.0:
         raise DatasetError(f"{text}: allowed: a leak rate > 0; roughvol show has the load at which each way closes")
     if name == "contact_area" and float(level.value or 0.0) > 1.0:
         raise DatasetError(f"{text}: allowed: a share of the nominal area, at most 1")

@@ -21,6 +21,7 @@ from roughvol.errors import question
 from roughvol.study.plain_data import number_text, printable
 from roughvol.study.values.types import Form, Positive, refuse
 from roughvol.surfaces.length_units import METRES, named
+from roughvol.tables import table
 
 
 class UnitKind(NamedTuple):
@@ -31,34 +32,10 @@ class UnitKind(NamedTuple):
     example: str = ""
 
 
-KINDS = {
-    "length": UnitKind("[length]", ", ".join(METRES), "100 um"),
-    "volume per area": UnitKind("[length]", "mm^3/m^2, ml/m^2, um and the like"),
-    "pressure": UnitKind("[mass]/[length]/[time]^2", "Pa, kPa, MPa, GPa, bar, mbar, psi and the like", "100 GPa"),
-    "viscosity": UnitKind("[mass]/[length]/[time]", "Pa*s, mPa*s, cP and the like", "1 mPa*s"),
-    "kinematic viscosity": UnitKind("[length]^2/[time]", "cSt, mm^2/s and the like"),
-    "force": UnitKind("[mass]*[length]/[time]^2", "N, kN, mN, lbf and the like", "20 N"),
-    "time": UnitKind("[time]", "s, min, h, day, year", "10 s"),
-    "conductivity": UnitKind("[mass]*[length]/[time]^3/[temperature]", "W/m/K", "50 W/m/K"),
-    "flow": UnitKind("[length]^3/[time]", "mm^3/s, ml/min, um^3/s and the like", "1e-3 mm^3/s"),
-    "throughput": UnitKind("[mass]*[length]^2/[time]^3", "mbar*l/s, Pa*m^3/s, sccm and the like", "1e-4 mbar*l/s"),
-    "temperature": UnitKind("[temperature]", "K, degC", "293 K"),
-    "molar mass": UnitKind("[mass]/[substance]", "g/mol, kg/kmol and the like", "29 g/mol"),
-}
-# Factors of pint 0.25, bit for bit (a test compares them). pint takes as long as the rest of `roughvol status`.
-FACTORS: dict[str, dict[str, float]] = {
-    "Pa": {"kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5, "mbar": 1e2},
-    "kPa": {"Pa": 1e-3, "MPa": 1e3, "GPa": 1e6},
-    "MPa": {"Pa": 1e-6, "kPa": 1e-3, "GPa": 1e3, "bar": 0.09999999999999999, "mbar": 9.999999999999999e-05},
-    "GPa": {"Pa": 1e-9, "kPa": 1.0000000000000002e-06, "MPa": 1e-3},
-    "Pa*s": {"mPa*s": 1e-3, "cP": 1e-3},
-    "m": {"nm": 1e-9, "um": 1e-6, "mm": 1e-3},
-    "mm": {"nm": 1.0000000000000002e-06, "um": 1e-3, "m": 1e3},
-    "um": {"nm": 1e-3, "mm": 1e3, "m": 1e6},
-    "mm^3/s": {"m^3/s": 999999999.9999999},
-    "N": {"kN": 1e3, "mN": 1e-3},
-    "s": {"min": 60.0, "h": 3600.0, "day": 86400.0, "year": 31557600.0},
-}
+_TABLE = table(__file__)
+KINDS = {"length": UnitKind("[length]", ", ".join(METRES), "100 um")}
+KINDS |= {kind: UnitKind(**row) for kind, row in _TABLE["kinds"].items()}
+FACTORS: dict[str, dict[str, float]] = _TABLE["factors"]
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?![eE][-+]?\d)(\D.*)", re.ASCII | re.DOTALL)
 # Words, small powers, products and quotients. Other arithmetic of pint is refused.
 _POWER = r"(?:(?:\^|\*\*)-?[1-9]|⁻?[¹²³⁴-⁹])?"
