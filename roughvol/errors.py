@@ -7,7 +7,7 @@ import difflib
 import os
 import sys
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -100,6 +100,15 @@ class StudyError(RoughvolError, ValueError):
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle the problems: exceptions pickle the message alone."""
         return (type(self), (self.problems,))
+
+
+@contextlib.contextmanager
+def each_problem(changed: Callable[[Problem], Problem]) -> Iterator[None]:
+    """Change every problem of a `StudyError` raised inside."""
+    try:
+        yield
+    except StudyError as error:
+        raise StudyError([changed(problem) for problem in error.problems]) from error
 
 
 class SurfaceError(RoughvolError, ValueError):

@@ -14,7 +14,7 @@ import numpy as np
 
 from roughvol.ensemble import cost
 from roughvol.ensemble.targets import Arrays, Target, series_of, targets_of
-from roughvol.errors import StudyError
+from roughvol.errors import each_problem
 from roughvol.study import Case, Ensemble, MadeSurface, Study, levels_below
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
@@ -124,11 +124,9 @@ class SampleTable:
         assert case.D is not None
         assert case.m is not None
         series = series_of(arrays)
-        try:
+        words = f"; m = {case.m} is a coarser level of the estimate at m = {self.finest}" * (case.m < self.finest)
+        with each_problem(lambda one: replace(one, message=f"{one.message}{words}")):
             values = np.array([target.value(series, case) for target in self.targets])
-        except StudyError as error:
-            words = f"; m = {case.m} is a coarser level of the estimate at m = {self.finest}" * (case.m < self.finest)
-            raise StudyError([replace(one, message=f"{one.message}{words}") for one in error.problems]) from error
         sample = Sample(
             values,
             np.array([_solver_error(arrays, target) for target in self.targets]),

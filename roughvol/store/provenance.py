@@ -49,18 +49,16 @@ def provenance(
         "sides": case.sides,
         "region": (case.record.region or Region()).label,
     }
-    if case.periodic:  # what readers of other versions look for
-        attributes["periodic"] = "true"
-    if case.length_unit:
-        attributes["length_unit"] = case.length_unit
-    if treated := "; ".join(_treated(cases)):
-        attributes["surface"] = treated
-    if files := [{"file": body.file.name, "sha256": body.sha256} for one in cases for body in one.bodies]:
-        attributes["height_files"] = json.dumps(files)
-    if versions is not None:
-        attributes["case_versions"] = json.dumps(dict(sorted(versions.items())))
-    attributes |= {"case_ids": ids_text(ids)} if ids else {"case_id": case.id, "case": case.key_text}
-    return attributes
+    files = [{"file": body.file.name, "sha256": body.sha256} for one in cases for body in one.bodies]
+    optional = {
+        "periodic": "true" * case.periodic,  # what readers of other versions look for
+        "length_unit": case.length_unit,
+        "surface": "; ".join(_treated(cases)),
+        "height_files": json.dumps(files) if files else "",
+        "case_versions": "" if versions is None else json.dumps(dict(sorted(versions.items()))),
+    }
+    attributes |= {name: text for name, text in optional.items() if text}
+    return attributes | ({"case_ids": ids_text(ids)} if ids else {"case_id": case.id, "case": case.key_text})
 
 
 def _treated(cases: Sequence[Case]) -> Iterator[str]:

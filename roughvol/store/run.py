@@ -11,6 +11,7 @@ Every command that reads results opens them here. Two rules hold:
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 import shlex
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -18,7 +19,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from roughvol.errors import DatasetError, FolderError, Problem, StudyError, SurfaceError, nearest_word, question
+from roughvol.errors import (
+    DatasetError,
+    FolderError,
+    Problem,
+    StudyError,
+    SurfaceError,
+    each_problem,
+    nearest_word,
+    question,
+)
 from roughvol.store import run_folder, same_study, sample_plan
 from roughvol.study import HeightFile, Study, changes_of, check_type, load, loads
 from roughvol.study.plain_data import is_file
@@ -231,10 +241,8 @@ def study_of(run: str | Path, changes: Sequence[str] = (), *, stored: bool = Fal
     if folder := folder_of_run(run):
         text = run_folder.stored_study(folder) or ""
         source, file = _beside_heights(text, folder), folder / "study.yaml"
-        try:
+        with each_problem(functools.partial(_with_advice, file)):
             study = loads(text, source, stored=stored, of_run=file, changes=changes)
-        except StudyError as error:
-            raise StudyError([_with_advice(problem, file) for problem in error.problems]) from error
         renamed = any(change.partition("=")[0].strip() == "name" for change in changes)
         return study, run_folder.folder_of(study) if renamed else folder
     try:
@@ -267,7 +275,7 @@ def _is_map(path: Path) -> bool:
     return True
 
 
-def _with_advice(problem: Problem, file: Path) -> Problem:
+def _with_advice(file: Path, problem: Problem) -> Problem:
     """Return a problem of the study.yaml of a run with what to do if a height file is absent."""
     absent = problem.key.startswith("surface.") and problem.message.startswith("no such file")
     if problem.file != str(file) or not absent:
@@ -375,10 +383,16 @@ def _check(file: Path, results: Dataset, given: Study | None, run: str, call: st
     ``is_part``: the study file has some of the combinations of the results.
     """
     stored = str(results.attrs.get("study", ""))
-    within = _of_another_folder(file, results, stored)
-    if given is not None and (lines := _of_another_study(file, results, stored, given, is_part=is_part)):
+    text = run_folder.stored_study(file.parent) if file.name == RESULTS else None
+    within = [] if text is None else _changes(file, stored, text)
+    if text is not None and not within:
+        within = _of_other_cases(results, run_folder.stored_ids(file.parent))
+    cases = {} if given is None else _cases(given, file.parent)
+    lines = [] if given is None or is_part else _changes(file, stored, given.stored())
+    if cases and not lines:
+        lines = _changed_heights(results, cases.values()) or _of_other_cases(results, cases)
+    if given is not None and lines:
         show = "" if within else f"; to see what the folder holds: roughvol show {_word(file.parent)}"
-        cases = _cases(given, file.parent)
         another = same_study.another_study(file.parent, given, cases)
         beside = " --set name=OTHER, or --fresh, which replaces these results" if another else ""
         raise FolderError(
@@ -391,15 +405,6 @@ def _check(file: Path, results: Dataset, given: Study | None, run: str, call: st
             f"{_indented(within)}\n"
             f"an interrupted run goes on with: roughvol run STUDY; a {RESULTS} of another run opens in its own folder"
         )
-
-
-def _of_another_study(file: Path, results: Dataset, stored: str, given: Study, *, is_part: bool) -> list[str]:
-    """Return how the study and the height files of results differ from those of a study; a line each."""
-    if not is_part and (lines := _changes(file, stored, given.stored())):
-        return lines
-    if not (cases := _cases(given, file.parent)):
-        return []
-    return _changed_heights(results, cases.values()) or _of_other_cases(results, cases)
 
 
 def _cases(study: Study, folder: Path) -> dict[str, Case]:
@@ -433,14 +438,6 @@ def check_heights(study: Study, run: str | Path) -> None:
     if lines := _changed_heights(results, study.cases(), absent=()):
         message = f"{folder} is a run of other heights:\n{_indented(lines)}\ngo to the folder of its heights"
         raise FolderError(f"{message}, or give a study file of these")
-
-
-def _of_another_folder(file: Path, results: Dataset, stored: str) -> list[str]:
-    """Return how results differ from the study.yaml and the cases beside them; a line each."""
-    text = run_folder.stored_study(file.parent) if file.name == RESULTS else None
-    if text is None:
-        return []
-    return _changes(file, stored, text) or _of_other_cases(results, run_folder.stored_ids(file.parent))
 
 
 def _changes(file: Path, stored: str, text: str) -> list[str]:

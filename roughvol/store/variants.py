@@ -158,7 +158,6 @@ def parts_of(results: Dataset) -> list[Part]:
         message = f"the study of a dataset with the axes {', '.join(held)} cannot be read again: {error}"
         raise DatasetError(message) from error
     found = []
-    lines = {name: str(results.attrs[name]).splitlines() for name in IN_LINES if name in results.attrs}
     endings = {variant.words: f" ({variant.words})" for variant in study.variants}
     stored = {name: results[name].values.tolist() for name in held}
     for variant in study.variants:
@@ -170,10 +169,7 @@ def parts_of(results: Dataset) -> list[Part]:
         if not variant.study.material.yields:
             of_states = [f"{dim}_{name}" for dim in STATES for name in OF_YIELD]
             part = part.drop_vars([*OF_YIELD, *of_states], errors="ignore")
-        part = part.assign_attrs(study=variant.study.stored())
-        for name, of_all in lines.items():
-            own = (line.removesuffix(endings[variant.words]) for line in of_all if not line.endswith(others))
-            part.attrs[name] = "\n".join(own)
+        part = _without_lines(part, others, endings[variant.words]).assign_attrs(study=variant.study.stored())
         found.append(Part(variant.words, labels, part))
     if not found:
         raise DatasetError(f"the study of the dataset has no combination with its values of {', '.join(held)}")
@@ -213,9 +209,14 @@ def part_with(results: Dataset, labels: Mapping[str, Sequence[float | str]]) -> 
         for variant in (study.variants if study else ())
         if any(variant.labels[name] not in kept for name, kept in labels.items())
     )
-    held = {name: str(part.attrs[name]).splitlines() for name in IN_LINES if name in part.attrs}
-    lines = {name: [line for line in every if not line.endswith(others)] for name, every in held.items()}
-    return part.assign_attrs({name: "\n".join(kept) for name, kept in lines.items()})
+    return _without_lines(part, others)
+
+
+def _without_lines(part: Dataset, others: tuple[str, ...], own: str = "") -> Dataset:
+    """Return a dataset without the lines in attributes that have other endings, and without its own ending."""
+    lines = {name: str(part.attrs[name]).splitlines() for name in IN_LINES if name in part.attrs}
+    kept = {name: (line.removesuffix(own) for line in of if not line.endswith(others)) for name, of in lines.items()}
+    return part.assign_attrs({name: "\n".join(of) for name, of in kept.items()})
 
 
 def of_one_combination(results: Dataset) -> Dataset:

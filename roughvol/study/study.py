@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
 from pydantic import PrivateAttr, SerializationInfo, ValidationInfo, model_serializer, model_validator
 
-from roughvol.errors import Problem, RoughvolDeprecation, StudyError, warn
+from roughvol.errors import Problem, RoughvolDeprecation, StudyError, each_problem, warn
 from roughvol.study import axes
 from roughvol.study.axes import Axis, Variant
 from roughvol.study.case import Case
@@ -68,13 +68,9 @@ class Study(StudyFile):
                 data["solver"] = {name: data["solver"][name] for name in ("kernel", "method")}
         return data
 
-    @contextlib.contextmanager
-    def placing(self) -> Iterator[None]:
+    def placing(self) -> AbstractContextManager[None]:
         """Add file and line to the problems of a `StudyError` raised inside."""
-        try:
-            yield
-        except StudyError as error:
-            raise StudyError([self._places.of(problem) for problem in error.problems]) from error
+        return each_problem(self._places.of)
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -147,7 +143,8 @@ class Study(StudyFile):
         """Return the cases of height files, from the case without its surface; all have the L of the first."""
         found: list[Case] = []
         for scan in surface.each:
-            with self.placing(), _naming(Path(scan.file).name, several=len(surface.each) > 1):
+            named = functools.partial(_named, Path(scan.file).name if len(surface.files) > 1 else "")
+            with self.placing(), each_problem(named):
                 measured = resolve(scan)
                 unit = measured.length_unit
                 if unit is None:
@@ -251,16 +248,9 @@ class Study(StudyFile):
         return self.model_dump(mode="json", context={"stored": True})
 
 
-@contextlib.contextmanager
-def _naming(file: str, *, several: bool) -> Iterator[None]:
-    """Name one of several files in the problems of a `StudyError` raised inside."""
-    try:
-        yield
-    except StudyError as error:
-        named = [
-            one if file in one.message else replace(one, message=f"{file}: {one.message}") for one in error.problems
-        ]
-        raise StudyError(named if several else error.problems) from error
+def _named(file: str, problem: Problem) -> Problem:
+    """Return a problem with the name of its file, of several, in its message."""
+    return problem if file in problem.message else replace(problem, message=f"{file}: {problem.message}")
 
 
 def json_schema() -> dict[str, Any]:
