@@ -202,6 +202,7 @@ def test_check_draws_a_picture_on_request(place: Path) -> None:
     assert Path("tiny-look.png").read_bytes().startswith(b"\x89PNG")
     assert "# picture pictures/tiny-look.png" in said("check", "tiny.yaml", "--look", "--out", "pictures")
     assert Path("pictures/tiny-look.png").read_bytes() == Path("tiny-look.png").read_bytes()
+    assert "too large a surface to be drawn" in refused("check", "tiny.yaml", "--look", "--set", "surface.m=13")
 
 
 def test_schema_is_a_json_schema(place: Path) -> None:

@@ -11,6 +11,7 @@ import roughvol
 from roughvol.campaign.machine import size
 from roughvol.cli.options import JOBS, JSON, SET, STUDY, command, given, out
 from roughvol.cli.output import count, say, say_json, warn
+from roughvol.errors import DatasetError
 from roughvol.study.values.durations import duration
 
 if TYPE_CHECKING:
@@ -65,7 +66,9 @@ def _look(found: Checked, folder: Path) -> Path:
 
     case, path = found.study.cases()[0], folder / f"{found.study.name}-look.png"
     stamped_file.make_folder(folder)
-    surface_picture.write(found.surface, case.length_unit, case.label, path)
+    if found.surface is None:
+        raise DatasetError(f"{case.label}: too large a surface to be drawn before it is computed")
+    surface_picture.look(found.surface, case.length_unit, case.label).savefig(path)
     return path
 
 

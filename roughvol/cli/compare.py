@@ -35,6 +35,6 @@ def compare(
         warn_of(stored.dataset, stored.name)
     if as_csv or as_json:
         warn(found.left_out)
-        say_numbers("compare", *found.records(), as_csv=as_csv)
+        say_numbers("compare", found.records(), as_csv=as_csv)
     else:
         say_table(found.table())

@@ -23,6 +23,7 @@ from roughvol.store import stamped_file
 if TYPE_CHECKING:
     from roughvol.analysis.stored_run import Run
     from roughvol.analysis.tables import Table
+    from roughvol.report.screen import Records
     from roughvol.store.dataset import Dataset
 
 
@@ -127,10 +128,9 @@ def say_parts(run: Run, tables: Callable[[Run], Iterable[Table]]) -> None:
     warn(map(str, errors))
 
 
-def say_numbers(
-    name: str, names: Sequence[str], rows: Sequence[Sequence[Any]], units: dict[str, str], *, as_csv: bool
-) -> None:
+def say_numbers(name: str, records: Records, *, as_csv: bool) -> None:
     """Print rows of numbers as CSV or as JSON."""
+    names, rows, units = records
     if as_csv:
         say(csv_text(names, rows), nl=False)
     else:

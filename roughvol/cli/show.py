@@ -33,7 +33,7 @@ def show(run: str | None, states: tuple[str, ...], as_csv: bool, as_json: bool, 
     found = opened(run, changes)
     warn_of(found.dataset)
     if as_csv or as_json:
-        say_numbers(found.name, *roughvol.show(found, states), as_csv=as_csv)
+        say_numbers(found.name, roughvol.show(found, states), as_csv=as_csv)
         return
     named = Run.of(found.name, found.dataset)
     if states:

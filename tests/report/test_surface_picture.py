@@ -1,12 +1,9 @@
 """The picture of a surface shows its heights, in a unit that can be read, with its highest point marked."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from roughvol.errors import DatasetError
 from roughvol.report.figures import surface_picture
 from roughvol.surfaces.surface import Surface
 
@@ -74,8 +71,3 @@ def test_long_maps_and_names_that_look_like_mathematics_are_drawn(shape: tuple[i
 
 def test_a_flat_surface_can_be_looked_at() -> None:
     assert len(_drawn(Surface(np.zeros((4, 5)), 1.0))) == 5
-
-
-def test_what_is_too_large_to_be_made_is_not_drawn(tmp_path: Path) -> None:
-    with pytest.raises(DatasetError, match=r"m = 13: too large a surface to be drawn"):
-        surface_picture.write(None, "um", "m = 13", tmp_path / "x.png")

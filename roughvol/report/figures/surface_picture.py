@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from roughvol.errors import DatasetError
 from roughvol.report.figures.style import CONTACT, PAGE, STYLE, canvas, handy
 from roughvol.surfaces.surface import Surface
 
@@ -53,14 +51,6 @@ def look(surface: Surface, unit: str | None = None, title: str = "") -> Figure:
             ax.set_title(f"profile at ${other} = {fixed:.4g}$ {across_unit}, through the highest point")
         fig.suptitle(title, fontsize=9.5, parse_math=False)  # a name of a file may hold dollar signs
     return fig
-
-
-def write(surface: Surface | None, unit: str | None, title: str, path: Path) -> Path:
-    """Write the picture of a surface and return its path."""
-    if surface is None:
-        raise DatasetError(f"{title}: too large a surface to be drawn before it is computed")
-    look(surface, unit, title).savefig(path)
-    return path
 
 
 def _map(
