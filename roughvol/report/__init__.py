@@ -9,7 +9,7 @@ Room of the report. It reads datasets and computes no contact.
 `html`         a document as HTML
 `markdown`     a document as Markdown
 `terminal`     sections as lines for a terminal
-`report`       style sheet of the pages (report.css)
+`report`       style sheet and frame of the pages (report.css, report.html)
 `states`       states as tables: a row a state, a column a stored number
 `run_facts`    one run in words and tables: surface, loading, states, closing
 `card_page`    the leak card as HTML, PDF and lines for a terminal

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import base64
 import io
+import string
 from collections.abc import Iterator
 from html import escape
-from importlib import resources
+from pathlib import Path
 
 from roughvol.analysis.tables import Table
 from roughvol.report.document import Cell, Document, Drawing, Section
@@ -36,14 +37,8 @@ def render(document: Document) -> str:
         filled("nav", Html(" · ".join(links))),
     )
     body = "\n".join([header, *(section(part) for part in document.sections)])
-    css = (resources.files("roughvol.report") / "report.css").read_text(encoding="utf-8")
-    return (
-        "<!doctype html>\n<html lang='en'>\n<head>\n<meta charset='utf-8'>\n"
-        "<meta name='viewport' content='width=device-width, initial-scale=1'>\n"
-        "<meta name='color-scheme' content='light dark'>\n"
-        f"{tag('title', document.title)}\n<style>{css}</style>\n</head>\n<body>\n<main>\n{body}\n</main>\n"
-        "</body>\n</html>\n"
-    )
+    css, page = (Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("report.css", "report.html"))
+    return string.Template(page).substitute(title=tag("title", document.title), css=css, body=body)
 
 
 def section(part: Section, level: int = 2) -> Html:

@@ -17,7 +17,6 @@ from pydantic import BaseModel
 from roughvol.errors import meant
 from roughvol.study.file import StudyFile
 from roughvol.study.plain_data import KeyPath, number_text
-from roughvol.study.sections.dimensional import Dimensional
 from roughvol.study.sections.ensemble import AUTO_TO, CLOSING, FEWEST_LEVELS, RECORDED_BY, Accuracies
 from roughvol.study.sections.height_file import HEIGHT_FORMATS, HeightFile
 from roughvol.study.sections.record import EVERY_STEP, Record, Region
@@ -29,6 +28,7 @@ from roughvol.study.validation import Problems, Rule
 from roughvol.study.values.state_kinds import LOAD_OF_REGION, STATE_KINDS, Level, slack
 from roughvol.study.values.units import Quantity, in_unit, unit_of
 from roughvol.surfaces.length_units import METRES
+from roughvol.tables import table
 
 MAX_CASES = 100_000  # cases of a study
 UNPRESSED = ("heights", "residual_heights", "region", "texture", "psd", "all_legs")  # records that need no contact
@@ -36,45 +36,6 @@ PERIODIC_LEAST_M = 3  # smallest m of a periodic midpoint surface
 SEVERAL_ARRAYS = (".npz", ".nc", ".tif", ".tiff", ".dat")  # formats of files with several arrays
 LISTS_OF_NUMBERS = ("D", "H", "m", "n", "seeds")  # of a surface
 
-_FLUID = "needs the section fluid, as fluid: {gas: helium, inlet: 1 bar, outlet: 0 bar}"
-_PERIOD = "changes or cuts the period of a periodic surface: treat the file beforehand, or omit it"
-_LENGTH = "needs the unit of length, as surface: {L: 100 um}"
-_PLANE = "needs surface.sides: periodic and no record.region: a part of a plane is no period"
-_ELASTIC = "needs elastic contact: material.plastic is true and a hardness given"
-_NO_HARDNESS = "solver method 'paper' takes no hardness; allowed: material.plastic: false"
-_PATCHES = "excluded by 'ensemble': patches of a seal are surfaces of one load, as surface.seeds: 10"
-_NO_DISPLACEMENT = "no plastic displacement: give material.hardness, and no material.plastic: false"
-NEEDS = (  # key, the key or property it needs, message
-    ("record.transport.gas_flow", "fluid", _FLUID),
-    ("record.transport.cell_transmissivity", "surface.periodic", _PLANE),
-    ("record.dimensional.pressure", "material.unit", "needs the modulus with its unit, as material: {E_star: 100 GPa}"),
-    *((f"record.dimensional.{key}", "surface.has_length", _LENGTH) for key in names(Dimensional) if key != "pressure"),
-    ("record.dimensional.leak_rate", "record.transport.transmissivity", "needs record.transport.transmissivity"),
-    ("record.dimensional.critical_gap", "record.transport.constriction", "needs record.transport.constriction"),
-    ("record.dimensional.gas_leak_rate", "record.transport.gas_flow", "needs record.transport.gas_flow"),
-    ("record.residual_heights", "material.yields", _NO_DISPLACEMENT),
-    ("fluid", "surface.has_length", _LENGTH),
-    ("fluid", "record.transport.gas_flow", "needs record.transport.gas_flow, which records the flow of the gas"),
-)
-EXCLUDES = (  # key, the key or property that excludes it, message
-    ("record.transport.cell_transmissivity", "record.region", _PLANE),
-    ("record.fluid_pressure", "material.yields", _ELASTIC),
-    ("solver.method", "material.yields", _NO_HARDNESS),
-    ("seal", "ensemble", _PATCHES),
-    ("material.thickness", "material.against", "excluded by 'against': a layer is pressed by a rigid surface"),
-    *(("solver.max_error", f"solver.{key}", f"excluded by '{key}': give one of them") for key in ("accuracy", "rtol")),
-    ("solver.max_error.mean_pressure", "solver.method", "excluded by method: paper"),
-    ("surface.D", "surface.H", "excluded by 'H': give one of them"),
-    ("surface.shortest", "surface.cut", "excluded by 'cut': give one of them"),
-    ("surface.slope", "surface.Sq", "excluded by 'Sq': give one of them"),
-    *((f"surface.{key}", "surface.periodic", _PERIOD) for key in ("crop", "resample", "low_pass")),
-)
-KEYS_OF = {  # of properties
-    "surface.periodic": ("surface.sides",),
-    "surface.has_length": ("surface.L", "surface.unit"),
-    "material.unit": ("material",),
-    "material.yields": ("material",),
-}
 OF_MODULUS = ("material.hardness", "material.against.E", "record.fluid_pressure.inlet", "record.fluid_pressure.outlet")
 RULES: list[Rule] = []
 
@@ -134,10 +95,16 @@ def _of_pair(key: str, other: str, message: str, *, needs: bool) -> Rule:
         if _given(study, key) and _given(study, other) != needs:
             yield _path(key), message
 
-    return Rule(tuple(map(_path, (key, *KEYS_OF.get(other, (other,))))), problems)
+    return Rule(tuple(map(_path, (key, *_TABLE["keys_of"].get(other, (other,))))), problems)
 
 
-RULES += [_of_pair(*row, needs=needs) for rows, needs in ((NEEDS, True), (EXCLUDES, False)) for row in rows]
+_TABLE = table(__file__)
+RULES += [
+    _of_pair(key, other, message, needs=needs)
+    for rows, needs in (("needs", True), ("excludes", False))
+    for key, others in _TABLE[rows].items()
+    for other, message in others.items()
+]
 
 
 @_rule("surface")
