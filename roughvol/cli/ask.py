@@ -27,12 +27,7 @@ NARROWS = {
 }
 
 
-@command(
-    'roughvol ask seal --leak-rate "1e-6 mm^3/s"                                the pressure needed',
-    'roughvol ask seal --leak-rate "1e-6 mm^3/s" --budget                       with the errors of a leak card',
-    'roughvol ask seal --leak-rate "1e-6 mm^3/s" --for modulus --at pressure=0.05MPa',
-    "roughvol ask seal --closed                                                 where the last way closes",
-)
+@command
 @RUN
 @click.option("--leak-rate", metavar="VALUE", help="Largest leak, as '1e-3 mm^3/s'; a number has the unit of the run.")
 @click.option("--closed", is_flag=True, help="No open way, in place of a leak rate.")

@@ -10,15 +10,7 @@ from roughvol.cli.options import CSV, FRESH, JOBS, JSON, SET, STUDY, at, command
 from roughvol.cli.output import csv_text, say, say_json, say_table, warn_of
 
 
-@command(
-    "roughvol card scan.yaml                                 at the end of its sweep",
-    "roughvol card scan.yaml --at pressure=0.3               at p* = 0.3",
-    'roughvol card scan.yaml --at "pressure=0.5 MPa"         at a nominal pressure; also load, mean_gap, …',
-    "roughvol card scan.yaml --at pressure=0.1MPa --at pressure=0.2MPa   a card at each load, and a table",
-    'roughvol card metal.yaml --at "pressure=0.1 GPa, leg 2" on the second leg of a path',
-    "roughvol card scan.yaml --at pressure=0.3 --json        numbers alone, for programs",
-    "roughvol card scan.yaml --at pressure=0.1MPa --at pressure=0.2MPa --csv > cards.csv   a row for each leak",
-)
+@command
 @STUDY
 @at(several=True, default="last")
 @out("runs/NAME_card")

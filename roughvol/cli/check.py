@@ -21,7 +21,7 @@ MANY = 40  # steps of a sweep from which on the notice of fewer steps appears
 FEWER = "#         with a fourth of sweep.steps, leaks between the states change by up to 3 % (flow.md)"
 
 
-@command("roughvol check seal.yaml", "roughvol check scan.yaml --look", "roughvol check seal --json")
+@command
 @STUDY
 @click.option("--look", is_flag=True, help="Draw the surface of the first case as NAME-look.png.")
 @out("the current one; of --look alone")

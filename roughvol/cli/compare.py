@@ -9,11 +9,7 @@ from roughvol.cli.options import CSV, JSON, SET, at, command, completed_runs
 from roughvol.cli.output import say_numbers, say_table, warn, warn_of
 
 
-@command(
-    "roughvol compare metal_seal metal_seal_elastic",
-    "roughvol compare dry wet --at pressure=0.5MPa --at pressure=1MPa",
-    "roughvol compare seals                       the materials of a study with a list of them",
-)
+@command
 @click.argument("run", nargs=-1, required=True, shell_complete=completed_runs)
 @at(several=True)
 @CSV

@@ -12,18 +12,7 @@ from roughvol.cli.options import BUDGET, JOBS, JSON, RUN, SET, at, command, out
 from roughvol.cli.output import csv_text, say, say_json, say_table, warn, warn_of
 
 
-@command(
-    'roughvol creep seal --law creep.yaml --at pressure=0.1MPa --times "1 s..30 day"',
-    'roughvol creep seal --law creep.yaml --at pressure=0.1MPa --times "1 min, 1 h, 1 day"',
-    "creep.yaml holds one of:",
-    "  prony: {shares: [0.3, 0.2], times: [10 s, 1 h]}        1 + sum of shares (1 - exp(-t/times))",
-    "  power: {exponent: 0.1, time: 1 s}                      1 + (t/time)^exponent",
-    "  table: {times: [1 s, 1 day], ratios: [1, 1.5]}         or moduli: [10 MPa, 6.7 MPa]",
-    "and, for a study with material.against, the body that creeps:",
-    "  body: first                                            or second, both",
-    "and, for a study with material.E_star:",
-    "  share: 0.6                                             of 1/E* that creeps; default: 1",
-)
+@command
 @RUN
 @click.option("--law", required=True, type=click.Path(path_type=Path), help="YAML file of the creep law J(t)/J(0).")
 @at(several=False)

@@ -27,14 +27,7 @@ def _names_with(context: click.Context, option: click.Parameter, start: str) -> 
     return [name for name in explained_names() if name.startswith(start)]
 
 
-@command(
-    "roughvol explain                      the sections of a study",
-    "roughvol explain surface.file         a key: values, default, meaning",
-    "roughvol explain free_volume          a variable of study.nc",
-    "roughvol explain 'V*'                 a column of a table, by its head",
-    "roughvol explain helium               a gas: viscosity, molar mass, mean free path",
-    "roughvol explain mine:function        a quantity of your own; roughvol explain NAME: by its name in a run",
-)
+@command
 @click.argument("name", required=False, shell_complete=_names_with)
 def explain(name: str | None) -> None:
     """Describe NAME: a key of a study, a section, a variable or its symbol, a gas, or a quantity of your own."""

@@ -20,9 +20,8 @@ import click
 from roughvol import errors, spellings
 from roughvol._version import __version__
 from roughvol.campaign import machine, signals
-from roughvol.cli.options import examples
+from roughvol.cli.options import GROUPS, examples
 from roughvol.cli.output import count, escape, say, silence, warn
-from roughvol.tables import table
 
 FAILED, BAD_INPUT = 1, 2
 OF_RUNS = errors.CampaignError | errors.ContactError | errors.ConvergenceError  # they make the exit code FAILED
@@ -31,8 +30,6 @@ BY_SIGNAL = 128  # plus the number of the signal: 130 by Ctrl-C, 143 by SIGTERM,
 LIGHT = ("schema", "status", "ls", "init", "explain", "licences")  # commands that import no library for computations
 CURABLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENAMETOOLONG)
 TOO_MANY_FILES = os.strerror(errno.EMFILE)
-GROUPS = table(__file__)
-"""Commands by group, in the order of use; the module of a command has its name."""
 
 
 class _Commands(click.Group):
@@ -50,7 +47,7 @@ class _Commands(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         for title, rows in GROUPS.items():
             with formatter.section(title):
-                formatter.write_dl(list(rows.items()))
+                formatter.write_dl([(name, row["line"]) for name, row in rows.items()])
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         if not args[0].startswith("-") and args[0] not in (known := self.list_commands(ctx)):

@@ -38,13 +38,7 @@ def _examples_with(context: click.Context, option: click.Parameter, start: str) 
     return [name for name in _examples() if name.startswith(start)] or [CompletionItem(start, type="file")]
 
 
-@command(
-    "roughvol init                list the examples",
-    "roughvol init seal           write seal.yaml into the current folder",
-    "roughvol init face.xyz       write face.yaml, a study of this height map",
-    "roughvol init face*.xyz      of several height maps",
-    "roughvol init face.npy --set surface.L='500 um' --set surface.heights_unit=um",
-)
+@command
 @click.argument("names", nargs=-1, shell_complete=_examples_with, metavar="[EXAMPLE|FILE]")
 @click.option("--list", "listing", is_flag=True, help="List the examples and write nothing.")
 @SET

@@ -15,7 +15,7 @@ NOTES = {
 }
 
 
-@command("roughvol licences", "roughvol licences --json > licences.json")
+@command
 @JSON
 def licences(as_json: bool) -> None:
     """List the licences of roughvol and of the installed packages that it needs.

@@ -14,7 +14,7 @@ from roughvol.report import terminal
 from roughvol.study.values.durations import duration
 
 
-@command("roughvol ls", "roughvol ls /data/runs", "roughvol ls --json")
+@command
 @click.argument("folder", type=click.Path(path_type=Path), default=Path("runs"), metavar="[FOLDER]")
 @JSON
 def ls(folder: Path, as_json: bool) -> None:

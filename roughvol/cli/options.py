@@ -11,12 +11,15 @@ import click
 from click.shell_completion import CompletionItem
 
 from roughvol.cli.output import alone
+from roughvol.tables import table
 
 if TYPE_CHECKING:
     from roughvol.study import Study
 
 Decorated = Callable[..., Any]
 Completed = list[CompletionItem] | list[str]
+GROUPS = table(__file__, "commands")
+"""Commands by group."""
 FILES = (".csv", ".htm", ".html", ".json", ".md", ".nc", ".pdf", ".png", ".svg", ".txt", ".yaml", ".yml")  # suffixes
 
 
@@ -33,9 +36,10 @@ class _Command(click.Command):
             return super().invoke(ctx)
 
 
-def command(*lines: str) -> Callable[[Decorated], click.Command]:
-    """Return the decorator that makes a function a command with these examples."""
-    return click.command(cls=_Command, epilog=examples(*lines))
+def command(function: Decorated) -> click.Command:
+    """Return the command of a function, with the examples of its row."""
+    row = next(rows[function.__name__] for rows in GROUPS.values() if function.__name__ in rows)
+    return click.command(cls=_Command, epilog=examples(*row["examples"].splitlines()))(function)
 
 
 def given(study: Path, changes: tuple[str, ...]) -> Study | Path:

@@ -23,11 +23,7 @@ INCH = {"mm": 25.4, "cm": 2.54, "in": 1.0, "": 1.0}
 PAPER = re.compile(r"fig\d\d[ab]?")  # names of the figures of the paper
 
 
-@command(
-    "roughvol plot                                     all figures of the latest run",
-    "roughvol plot effect_of_D fig04a v_of_p --format pdf",
-    "roughvol plot dry wet leak_of_p --size 120x80mm   two runs overlaid",
-)
+@command
 @click.argument("names", metavar="[RUN]... [FIGURE]...", nargs=-1, shell_complete=completed_runs_and_figures)
 @click.option(
     "--format",

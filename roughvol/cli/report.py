@@ -12,7 +12,7 @@ from roughvol.cli.output import count, say, say_json, warn
 from roughvol.errors import CampaignError
 
 
-@command("roughvol report", "roughvol report effect_of_D effect_of_m --out /tmp/report")
+@command
 @click.argument("run", nargs=-1, shell_complete=completed_runs)
 @out("the run, or runs/report")
 @click.option(

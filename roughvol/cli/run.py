@@ -26,11 +26,7 @@ STOPPING = "stopping after the cases at work; Ctrl-C again stops at once"
 Draw = Callable[["Progress"], None]
 
 
-@command(
-    "roughvol run seal.yaml",
-    "roughvol run effect_of_D.yaml --jobs 4 --out /data/effect_of_D",
-    "roughvol run seal.yaml --set surface.m=7 --set name=finer",
-)
+@command
 @STUDY
 @JOBS
 @out("runs/NAME")

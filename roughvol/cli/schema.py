@@ -8,7 +8,7 @@ from roughvol.cli.options import command
 from roughvol.cli.output import say
 
 
-@command("roughvol schema > study.schema.json")
+@command
 def schema() -> None:
     """Print the JSON schema of study files, for completion and checks in editors."""
     from roughvol.study import json_schema

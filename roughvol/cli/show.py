@@ -7,11 +7,7 @@ from roughvol.cli.options import CSV, JSON, RUN, SET, at, command
 from roughvol.cli.output import say, say_numbers, say_parts, say_table, warn, warn_of
 
 
-@command(
-    "roughvol show seal                           its steps",
-    "roughvol show seal --at pressure=0.5MPa      the state at a load",
-    "roughvol show seal --csv > seal.csv          every surface and step, by stored names",
-)
+@command
 @RUN
 @at(several=True)
 @CSV

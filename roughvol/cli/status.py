@@ -13,7 +13,7 @@ from roughvol.study.values.durations import duration
 SHOWN = 50  # cases of one state that are listed
 
 
-@command("roughvol status effect_of_D", "roughvol status /data/effect_of_D --json")
+@command
 @STUDY
 @JSON
 @SET

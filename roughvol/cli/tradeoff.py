@@ -9,7 +9,7 @@ from roughvol.cli.options import JSON, SET, STUDY, command, given, out
 from roughvol.cli.output import is_seen, say, say_json
 
 
-@command("roughvol tradeoff tradeoff.yaml")
+@command
 @STUDY
 @out("runs/NAME")
 @JSON
