@@ -95,28 +95,28 @@ def gases(card: Card) -> list[Beside]:
 
 def _leaks(card: Card, way: Way) -> str:
     """Return the leak with its interval; of a study of a gas alone the leak of the gas first."""
-    gas = next((beside for beside in gases(card) if beside.unit and not way.unit), None)
-    of_liquid = f"{OF_LIQUID} " if gas is not None else ""
+    gas, k = next((beside for beside in gases(card) if beside.unit and not way.unit), None), AXES.index(way.axis)
+    of_gas = None if gas is None else (gas.leaks[k].value, gas.unit, gas.intervals[k])
+    words = _flows(way.leak.value, way.unit, way.interval, of_gas)
     if way.leak.value > 0.0:
-        middle, liquid = "median " if way.leak.surfaces > 1 else "", amount(way.leak.value, way.unit, way.interval)
-        k = AXES.index(way.axis)
-        if gas is not None and math.isfinite(throughput := gas.leaks[k].value):
-            return f"{middle}{_of_gas(throughput, gas.unit, gas.intervals[k])}; {of_liquid}{liquid}"
-        return middle + liquid
-    of_gas = (gas.intervals[AXES.index(way.axis)][1], gas.unit) if gas is not None else None
-    at_most = _at_most(way.interval[1], way.unit, of_gas)
-    return f"closed on this grid, at most {at_most}" if at_most else "closed on this grid"
+        return f"{'median ' if way.leak.surfaces > 1 else ''}{words}"
+    return f"closed on this grid, at most {words}" if words else "closed on this grid"
 
 
-def _at_most(most: float, unit: str, of_gas: tuple[float, str] | None) -> str:
-    """Return the largest leak of a closed joint, and before it that of a gas with its unit; empty where unknown."""
-    if not (math.isfinite(most) and most > 0.0):
+def _flows(
+    leak: float, unit: str, interval: tuple[float, float], gas: tuple[float, str, tuple[float, float]] | None
+) -> str:
+    """Return a leak, or the largest leak of a closed joint, after that of a gas alone; empty where unknown."""
+    if leak > 0.0:
+        liquid = amount(leak, unit, interval)
+        return f"{_of_gas(*gas)}; {OF_LIQUID} {liquid}" if gas is not None and math.isfinite(gas[0]) else liquid
+    if not (math.isfinite(interval[1]) and interval[1] > 0.0):
         return ""
-    words = amount(most, unit, upwards=True)
-    if of_gas is None:
-        return words
-    throughput = f"{_of_gas(*of_gas, upwards=True)}; " if math.isfinite(of_gas[0]) else ""
-    return f"{throughput}{OF_LIQUID} {words}"
+    liquid = amount(interval[1], unit, upwards=True)
+    if gas is None:
+        return liquid
+    throughput = f"{_of_gas(gas[2][1], gas[1], upwards=True)}; " if math.isfinite(gas[2][1]) else ""
+    return f"{throughput}{OF_LIQUID} {liquid}"
 
 
 def _of_gas(
@@ -302,18 +302,14 @@ def seal(of_seal: SealLeak, *, legs: bool = False) -> str:
     Of a sweep with ``legs`` the closing load is that of leg 1.
     """
     is_gas_alone = bool(of_seal.gas_unit) and not of_seal.unit
+    of_gas = (of_seal.gas_leak, of_seal.gas_unit, of_seal.gas_interval) if is_gas_alone else None
+    words = _flows(of_seal.leak, of_seal.unit, of_seal.interval, of_gas)
     if not math.isfinite(of_seal.leak):
         leaks = f"has no known leak: {NO_LEAK}"
     elif of_seal.leak > 0.0:
-        leaks = amount(of_seal.leak, of_seal.unit, of_seal.interval)
-        if is_gas_alone and math.isfinite(of_seal.gas_leak):
-            gas = _of_gas(of_seal.gas_leak, of_seal.gas_unit, of_seal.gas_interval)
-            leaks = f"{gas}; {OF_LIQUID} {leaks}"
-        leaks = f"leaks {leaks}" if of_seal.gas_unit or of_seal.unit else f"has {leaks}"
+        leaks = f"leaks {words}" if of_seal.gas_unit or of_seal.unit else f"has {words}"
     else:
-        of_gas = (of_seal.gas_interval[1], of_seal.gas_unit) if is_gas_alone else None
-        at_most = _at_most(of_seal.interval[1], of_seal.unit, of_gas)
-        leaks = f"is closed, and leaks at most {at_most}" if at_most else "is closed"
+        leaks = f"is closed, and leaks at most {words}" if words else "is closed"
     known = math.isnan(of_seal.leak) or all(map(math.isfinite, of_seal.interval))
     unknown = "" if known else "; its error is not known"
     closing = "the load that closes it is not known"

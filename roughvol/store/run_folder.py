@@ -229,12 +229,8 @@ def small_json(path: Path) -> dict[str, Any]:
 
 def note(folder: Path, content: Mapping[str, Any]) -> None:
     """Write ``progress.json``, without an error unless the folder has vanished: no result could be stored."""
-    path = folder / "progress.json"
-    aside = stamped_file.aside_of(path)
     try:
-        aside.write_text(json.dumps(content))
-        aside.replace(path)
-    except FileNotFoundError as error:
-        raise stamped_file.cannot_write(path, error) from error
-    except OSError:
-        pass
+        stamped_file.store(folder / "progress.json", json.dumps(content).encode())
+    except FolderError:
+        if not folder.exists():
+            raise

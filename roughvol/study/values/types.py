@@ -46,20 +46,15 @@ StepNumber = Annotated[int, Field(ge=1), WHOLE]
 class Form:
     """Take other forms of a value, also in the JSON schema."""
 
+    _read: Callable[[Any, Callable[[Any], Any]], Any]  # the value of any form
+    _forms: Callable[[Any], list[Any]]  # the JSON schema of each form
+
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
         return core_schema.no_info_wrap_validator_function(self._read, handler(source))
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         forms: list[dict[str, Any]] = self._forms(handler(schema["schema"]))
         return {"anyOf": forms} if len(forms) > 1 else forms[0]
-
-    def _read(self, value: Any, inner: Callable[[Any], Any]) -> Any:
-        """Return the value of any form."""
-        raise NotImplementedError
-
-    def _forms(self, inner: Any) -> list[Any]:
-        """Return the JSON schema of each form."""
-        raise NotImplementedError
 
 
 class _OneOrMany(Form):
