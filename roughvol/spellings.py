@@ -17,6 +17,7 @@ import lazy_loader
 
 from roughvol._version import __version__
 from roughvol.errors import RoughvolDeprecation, warn
+from roughvol.tables import table
 
 Kind = Literal["key", "load", "variable", "attribute", "figure", "option", "answer", "exit code", "name", "entry point"]
 F = TypeVar("F", bound=Callable[..., Any])
@@ -54,33 +55,7 @@ class Former:
         return f"left with version {self.until}; in its place: {self.new}"
 
 
-FORMER = (
-    Former("key", "surface.periodic", "surface.sides", "0.16.0", "2.0.0", {True: "periodic", False: "free"}),
-    Former("key", "sweep.steps=auto", "a number, as 20; an ensemble without it takes 20", "0.13.0", "0.13.0"),
-    Former("option", "ask --no-solve", "nothing: ask solves only with --budget", "0.12.0", "0.14.0"),
-    Former("option", "ask --pressure", "--at pressure=VALUE", "0.12.0", "0.14.0"),
-    Former("option", "creep --pressure", "--at pressure=VALUE", "0.12.0", "0.14.0"),
-    Former("option", "status --out", "roughvol status FOLDER", "0.12.0", "0.14.0"),
-    Former("option", "ls --out", "roughvol ls FOLDER", "0.12.0", "0.14.0"),
-    Former("option", "explain --markdown", "the page docs/reference/keys-and-variables.md", "0.14.0", "0.14.0"),
-    Former("figure", "answer_cost", "ensemble_cost", "0.13.0", "0.13.0"),
-    Former("figure", "tradeoff_answer", "the other figures of roughvol tradeoff", "0.13.0", "0.13.0"),
-    Former("name", "roughvol.contact.PeriodicHalfSpace", 'HalfSpace(shape, sides="periodic")', "0.14.0", "0.14.0"),
-    *(
-        Former("name", f"roughvol.{made}(periodic)", 'sides="free" or "periodic"', "0.16.0", "0.16.0")
-        for made in ("contact.Contact", "contact.HalfSpace", "surfaces.Surface")
-    ),
-    Former("name", "roughvol.contact.Contact(converged)", "nothing: it follows from residual", "0.14.0", "0.14.0"),
-    *(
-        Former("name", f"roughvol.campaign.run_case({name})", f"context=Context({name}=…)", version, version)
-        for version, names in (
-            ("0.13.0", ("checkpoint", "half_spaces", "on_step", "stopping", "threads")),
-            ("0.14.0", ("study", "surface")),
-        )
-        for name in names
-    ),
-    Former("name", "roughvol.surfaces.levelling", "roughvol.surfaces.treatment", "0.14.0", "0.14.0"),
-)
+FORMER = tuple(Former(**row | {"values": dict(row.get("values", ()))}) for row in table(__file__)["former"])
 
 
 def of(kind: Kind) -> Iterator[Former]:
