@@ -78,6 +78,11 @@ def test_a_damaged_file_is_read_or_refused(tmp_path, suffix):
     assert read < 25
 
 
+@pytest.mark.parametrize(("start", "kind"), [(b"\x1f\x8b", "gzip"), (b"PK", "zip"), (b"BZ", "bzip2")])
+def test_a_packed_file_is_to_be_unpacked(tmp_path, start, kind):
+    refused(put(tmp_path / "scan.txt.gz", start + bytes(99)), f"is packed by {kind}; unpack it")
+
+
 def test_a_library_prints_nothing_about_a_damaged_file(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(logging.root, "handlers", [])
     wyko = b"\1\0" + b"Directory".ljust(16, b"\0") + struct.pack("<hlH", 1, 48, 0)

@@ -30,6 +30,7 @@ from roughvol.surfaces.files.description import (
     NotRead,
     Request,
     array_name,
+    first_bytes,
     length_unit,
     names_no_heights,
     position,
@@ -41,6 +42,11 @@ ARRAYS = ("h5", "mat")  # formats of arrays without meaning
 UNSIZED = "nms"
 HEIGHT = "height"  # kind of a channel
 UNREAD = "in none of the formats that SurfaceTopography reads; save it as .x3p, or as text of points x y z"
+PACKED = {
+    b"\x1f\x8b": "gzip; unpack it",
+    b"BZ": "bzip2; unpack it",
+    b"PK": "zip; unpack it, or save a table of .xlsx as .csv",
+}
 TEXT = ("asc", "xyz")  # readers of text in the library
 SILENT = logging.NullHandler()  # igor2, which tries every file, logs the bytes of files of other formats
 
@@ -62,7 +68,8 @@ def opened(request: Request) -> HeightMap:
             if reader.format() in UNMARKED and ending != reader.format():
                 raise CannotDetectFileFormat
         except CannotDetectFileFormat as error:
-            raise NotRead(f"is damaged, or {UNREAD}") from error
+            packed = PACKED.get(first_bytes(path, 2))
+            raise NotRead(f"is packed by {packed}" if packed else f"is damaged, or {UNREAD}") from error
         turned = reader.format() == "h5" and ending == "mat"  # MATLAB 7.3
         channel = _channel(reader, request.variable)
         description = _described(reader, channel, request.variable)
