@@ -88,6 +88,7 @@ PLAIN = {
     "ended.dat": (rows(HEIGHTS, ";").replace("\n", ";\n"), L),  # as MIRCO writes them
     "plain.asc": (rows(HEIGHTS), L),
     "grid.asc": (ESRI + rows(HEIGHTS.T[::-1]), ""),
+    "commas.asc": ((ESRI + rows(HEIGHTS.T[::-1])).replace(".", ","), ""),
     "wrapped.asc": (ESRI + rows(HEIGHTS.T[::-1]).replace(" ", "\n"), ""),
     "points.xyz": (rows(SHUFFLED), ""),
     "points.dat": (rows(POINTS[::-1], ","), ""),

@@ -32,6 +32,7 @@ ALONG, ACROSS = np.indices((12, 12))
 GROOVES = np.sin(ALONG) + 0.25 * ACROSS
 SLOPE = np.round(0.31 * ALONG + 0.17 * ACROSS + 0.04 * np.sin(3 * ALONG * ACROSS), 1)
 LATE = np.vstack([np.zeros((60, 4)), np.full((3, 4), 0.5)])
+WHOLE = np.vstack([np.tile([3.0, 1.0, 4.0, 2.0], (60, 1)), np.full((1, 4), 0.5)])
 QUOTED = rows(HEIGHTS, ";").replace(".", ",").replace(";", '","')
 READ = {
     "tilted grooves": (rows(GROOVES, ";"), GROOVES),
@@ -41,6 +42,8 @@ READ = {
     "decimal commas that begin late": (60 * "0 0 0 0\n" + 3 * "0,5 0,5 0,5 0,5\n", LATE),
     "quoted cells of decimal commas": ("\n".join(f'"{line}"' for line in QUOTED.splitlines()), HEIGHTS),
     "whole numbers between commas": ("1,7,0,2\n" * 3, np.tile([1.0, 7.0, 0.0, 2.0], (3, 1))),
+    "points of named columns": ("y [um];z;x [um]\n" + rows(np.column_stack([Y, POINTS[:, 2], X]), ";"), HEIGHTS),
+    "whole numbers before decimal commas": (60 * "3 1 4 2\n" + "0,5 0,5 0,5 0,5\n", WHOLE),
     "infinite heights at an edge": ("inf inf 1 2 3\n" + rows(HEIGHTS), np.vstack([[np.nan] * 2 + [1, 2, 3], HEIGHTS])),
 }
 
@@ -115,9 +118,15 @@ REFUSED = {
     "counts.txt": ("h=5 w=7\n" + TURNED, f"{UNKNOWN}'h=5 w=7'"),
     "title.csv": ("a,b,c,d,e\n" + TURNED.replace(" ", ","), f"{UNKNOWN}'a,b,c,d,e'"),
     "latin.txt": (b"# \xb5m\n1 2 3\n", f"{UNKNOWN}'# µm'"),
+    "thousands.csv": ("1,234;5;1,002\n" * 3, "line 1 may hold commas between thousands"),
+    "footer.csv": (rows(HEIGHTS, ";") + "\nend of data\n", "line 8 holds no numbers: 'end of data'; delete it"),
     "footer.txt": (TURNED + "end of data\n", "line 6 holds no numbers: 'end of data'; delete it"),
     "blocks.txt": (2 * (GWYDDION + TURNED), "line 10 is a header among the numbers: '# Channel: Topography'"),
-    "short.txt": (TURNED[:-20], r"line 5 holds \d numbers, most lines 6"),
+    "short.txt": (TURNED[:-20], r"line 5 holds \d numbers, most lines 6; delete it if it is no row"),
+    "marked.txt": (
+        TURNED.rpartition(" ")[0] + " gone",
+        "line 5: 'gone' is no number; a missing height is an empty cell",
+    ),
     "both.csv": (TURNED.replace(" ", ";").replace(".", ",", 3), "line 1 holds both commas and points"),
     "close.csv": ("0,13,-0,5,1,06,2,5\n" * 4, "line 1 holds commas in its numbers and between them"),
     "commas.csv": (TURNED.replace(".", ",").replace(" ", ", "), "line 1 holds commas in its numbers and between them"),

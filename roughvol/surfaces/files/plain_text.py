@@ -25,6 +25,8 @@ _NO_DATA = re.compile(r"\bno data\b", re.I)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+(?:[eE][-+]?\d+)?")
 _PAIR = r"[-+]?(?:0|[1-9]\d*),\d+"
 _PAIRS = re.compile(rf"{_PAIR}(?:,{_PAIR})+")  # numbers with decimal commas, and commas between them
+_GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+")  # a whole number with commas between thousands
+_SMALL = re.compile(r"[-+]?[1-9]\d{0,2}")  # a whole number below a thousand
 _NO_WHOLE = re.compile(r"-0,|,0\d")  # in pairs of whole numbers
 _QUOTED = re.compile(r'"([-+]?\d+),(\d+(?:[eE][-+]?\d+)?)"')
 _COMMENT = re.compile(rf"(?!{_SHEET})#.*", re.I)
@@ -78,6 +80,8 @@ def numbered(path: Path) -> list[tuple[int, str]]:
 
 def words(text: Text) -> Array:
     """Return all numbers of a text in one row, across its lines, NaN where missing."""
+    if _delimiter(_sample(text)) != ",":
+        text = replace(text, data=[(number, line.replace(",", ".")) for number, line in text.data])
     try:
         return np.array(" ".join(line for _, line in text.data).split(), dtype=np.float64)
     except ValueError:
@@ -89,7 +93,7 @@ def table(text: Text) -> Array:
     """Return the numbers of a text, a row for each line, NaN where a cell is empty or marked as missing."""
     if any('","' in line for _, line in text.data):
         text = replace(text, data=[(number, _QUOTED.sub(r"\1.\2", line)) for number, line in text.data])
-    where, sample = f"line {text.data[0][0]}", [line for _, line in text.data[:_SAMPLE]]
+    where, sample = f"line {text.data[0][0]}", _sample(text)
     mark = _delimiter(sample)
     if mark is None:
         text = replace(text, data=[(number, line) for number, line in text.data if line.strip()])
@@ -107,6 +111,10 @@ def table(text: Text) -> Array:
     if mark != "," and any("," in line for line in lines):
         if any("." in line for line in lines):
             raise DatasetError(f"{where} holds both commas and points; allowed: one decimal mark")
+        cells = [cell.strip() for line in sample for cell in line.split(mark)]
+        marked = [cell for cell in cells if "," in cell]
+        if marked and all(map(_GROUPED.fullmatch, marked)) and any(map(_SMALL.fullmatch, cells)):
+            raise DatasetError(f"{where} may hold commas between thousands; allowed: numbers without them")
         lines = [line.replace(",", ".") for line in lines]
     try:
         return np.loadtxt(lines, delimiter=mark, comments=None, ndmin=2)
@@ -125,7 +133,7 @@ def _slowly(text: Text, lines: list[str], mark: str | None) -> Array:
     usual = Counter(map(len, rows)).most_common(1)[0][0]
     for (number, _), row in zip(text.data, rows, strict=True):
         if len(row) != usual:
-            raise DatasetError(f"line {number} holds {len(row)} numbers, most lines {usual}")
+            raise DatasetError(f"line {number} holds {len(row)} numbers, most lines {usual}; delete it if it is no row")
     return np.array(rows)
 
 
@@ -134,7 +142,7 @@ def _value(number: int, cell: str) -> float:
         return float(cell.lower().replace("d", "e"))
     if _MISSING.fullmatch(cell):
         return np.nan
-    raise DatasetError(f"line {number}: {cell[:40]!r} is no number")
+    raise DatasetError(f"line {number}: {cell[:40]!r} is no number; a missing height is an empty cell or NaN")
 
 
 def _bare(line: str) -> str:
@@ -148,6 +156,10 @@ def _is_data(line: str) -> bool:
     numbers = sum(_NUMBER.fullmatch(cell) is not None for cell in cells)
     missing = sum(_MISSING.fullmatch(cell) is not None for cell in cells)
     return numbers + missing == len(cells) and (numbers > 0 or missing > 2)
+
+
+def _sample(text: Text) -> list[str]:
+    return [line for _, line in text.data[:_SAMPLE] if _is_data(line)]
 
 
 def _delimiter(sample: list[str]) -> str | None:

@@ -5,8 +5,8 @@ the lines (Width, ncols) makes that axis x, and the array the transpose of the t
 coordinates: both axes ascend with the index. Nodes of a grid without a point are missing (NaN).
 
 Known header lines are the exports of Gwyddion (``# Width: 10.00 µm``), ESRI ASCII grids, units of heights alone, and
-names of columns with their units (``X [µm]; Y [µm]; Z [nm]``, or units in the next line). Any other line with a size
-or a unit is kept as ``unclear``: ignored, it might scale the map wrongly.
+names of columns with their units, in any order (``X [µm]; Y [µm]; Z [nm]``, or units in the next line). Any other
+line with a size or a unit is kept as ``unclear``: ignored, it might scale the map wrongly.
 
 The readers of SurfaceTopography skip every line that is not numbers: a row with ``***`` is lost. They take no decimal
 commas, semicolons, ESRI headers or NODATA values.
@@ -83,7 +83,7 @@ def opened(request: Request) -> HeightMap:
     if request.columns == "heights":
         return header.map(numbers, None, "text, rows", "rows")
     if header.points or numbers.shape[1] == 3:
-        return _points(numbers[:, :3], header)
+        return _points(numbers[:, header.points or [0, 1, 2]], header)
     _refuse_coordinates(numbers)
     return header.map(numbers, None, "text, rows", "rows")
 
@@ -96,7 +96,7 @@ class Header:
     unit: str | None = None  # of the sizes
     heights_unit: str | None = None
     channel: str = ""
-    points: bool = False  # columns are named x, y and z
+    points: list[int] = field(default_factory=list)  # the columns named x, y and z
     esri: dict[str, float] = field(default_factory=dict)  # values of an ESRI ASCII grid
     source: str = ""  # position of the size in the file, for messages
     factor: bool = False  # the heights have a factor, which is not read here
@@ -152,9 +152,9 @@ def _taken(header: Header, bare: str, place: str) -> bool:
         header.channel = match[1].strip()
     elif match := _HEIGHTS_UNIT.fullmatch(bare):
         header.heights_unit = length_unit(match[1], place) or header.heights_unit
-    elif columns := _columns(bare) or (_units(bare) if header.points else []):
-        header.points, header.source = True, place
-        x, y, header.heights_unit = (length_unit(unit, place) if unit else None for unit in columns)
+    elif units := _columns(header, bare) or (_units(bare) if header.points else []):
+        header.source = place
+        x, y, header.heights_unit = (length_unit(unit, place) if (unit := units[i]) else None for i in header.points)
         if x and y and x != y:
             raise SurfaceError(f"{place} is in {y}, another size in {x}; allowed: one unit for both axes")
         header.unit = header.unit or x or y
@@ -171,14 +171,16 @@ def _number(text: str) -> float:
     return float(text.replace(",", "."))
 
 
-def _columns(bare: str) -> list[str | None]:
-    """Return the units in a line that names columns x, y and z, None for a column without one; else nothing."""
+def _columns(header: Header, bare: str) -> list[str | None]:
+    """Take a line that names columns x, y and z; return their units, None for a column without one, else nothing."""
     joined = re.sub(r"\s+(?=[\[(])", "", bare.replace('"', ""))
     parts = re.split(r"[;,\t]", joined) if re.search(r"[;,\t]", joined) else joined.split()
     columns = [match for part in parts[:3] if (match := _COLUMN.fullmatch(part.strip()))]
-    names = [column[1].lower() for column in columns]
-    named = len(names) == 3 and names[:2] == ["x", "y"] and names[2] not in "xy"
-    return [column[2] for column in columns] if named else []
+    names = [name if (name := column[1].lower()) in "xy" else "z" for column in columns]
+    if sorted(names) != ["x", "y", "z"]:
+        return []
+    header.points = [names.index(name) for name in "xyz"]
+    return [column[2] for column in columns]
 
 
 def _units(bare: str) -> list[str | None]:
