@@ -60,13 +60,15 @@ def each(
     Messages ``tell(message)`` arrive at ``on_message``. ``on_end`` is called in this process with a task, its result,
     and its exception or None. Once ``stopping()`` is true, no further task begins, and those begun are awaited; on a
     cluster, a task handed over and not begun ends with the result None. ``here`` calls the function in this process,
-    unless `in_this_process` decides. An exception of a callback, or Ctrl-C, ends the workers mid-task.
+    unless `in_this_process` decides; a daemonic process always does. An exception of a callback, or Ctrl-C, ends the
+    workers mid-task.
 
     A process that dies costs only its own task. Tasks that ran with it run again, one at a time, to find the one that
     killed it. A task that has killed `LIVES` processes ends with `Lost`; on a cluster, with the exception of Dask.
     """
     decided = _computes_here.get()
-    if scheduler is None and (here if decided is None else decided):
+    alone = multiprocessing.current_process().daemon  # as a worker of multiprocessing.Pool: it may start no process
+    if scheduler is None and (alone or (here if decided is None else decided)):
         _each_here(function, tasks, on_end, on_begin, on_message, stopping)
         return
     pool: _Processes | Cluster = _Processes(jobs) if scheduler is None else Cluster(scheduler)

@@ -1,6 +1,7 @@
 """Workers: every task ends once, dead workers are noticed, the caller is left in peace."""
 
 import contextlib
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -33,8 +34,12 @@ class Ends(dict[Any, Any]):
         self[task] = result if error is None else error
 
 
-@pytest.mark.parametrize("place", ["here", "processes", "cluster"])
-def test_every_task_ends_once_and_errors_come_back(place: str, request: pytest.FixtureRequest) -> None:
+@pytest.mark.parametrize("place", ["here", "daemon", "processes", "cluster"])
+def test_every_task_ends_once_and_errors_come_back(
+    place: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if place == "daemon":  # a worker of multiprocessing.Pool
+        monkeypatch.setitem(vars(multiprocessing.current_process())["_config"], "daemon", True)
     address = request.getfixturevalue("scheduler") if place == "cluster" else None
     ended, told, begun, main = Ends(), list[Any](), list[int](), sys.modules["__main__"]
     options = {"on_begin": begun.append, "on_message": told.append, "on_end": ended, "scheduler": address}
