@@ -42,6 +42,7 @@ READ = {
     "decimal commas that begin late": (60 * "0 0 0 0\n" + 3 * "0,5 0,5 0,5 0,5\n", LATE),
     "quoted cells of decimal commas": ("\n".join(f'"{line}"' for line in QUOTED.splitlines()), HEIGHTS),
     "whole numbers between commas": ("1,7,0,2\n" * 3, np.tile([1.0, 7.0, 0.0, 2.0], (3, 1))),
+    "points below a width": ("# Width: 9 um\n# Height: 9 um\nx y z\n" + rows(POINTS), HEIGHTS),
     "points of named columns": ("y [um];z;x [um]\n" + rows(np.column_stack([Y, POINTS[:, 2], X]), ";"), HEIGHTS),
     "whole numbers before decimal commas": (60 * "3 1 4 2\n" + "0,5 0,5 0,5 0,5\n", WHOLE),
     "infinite heights at an edge": ("inf inf 1 2 3\n" + rows(HEIGHTS), np.vstack([[np.nan] * 2 + [1, 2, 3], HEIGHTS])),
@@ -150,6 +151,14 @@ REFUSED = {
     "nothing.txt": ("# none yet\n", "holds no numbers"),
 }
 test_text_that_may_be_misread_is_refused_by_line = refusals_of(REFUSED)
+
+
+@pytest.mark.parametrize("line", [0, 2])
+@pytest.mark.parametrize("ignored", [False, True])
+def test_a_row_with_an_unknown_mark_is_no_header(tmp_path, line, ignored):
+    lines = rows(HEIGHTS).splitlines()
+    lines[line] = "gone " + lines[line].partition(" ")[2]
+    refused(put(tmp_path / "z.txt", "\n".join(lines)), f"line {line + 1}: 'gone' is no number", ignore_header=ignored)
 
 
 @pytest.mark.parametrize(

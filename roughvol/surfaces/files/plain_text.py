@@ -30,6 +30,8 @@ _SMALL = re.compile(r"[-+]?[1-9]\d{0,2}")  # a whole number below a thousand
 _NO_WHOLE = re.compile(r"-0,|,0\d")  # in pairs of whole numbers
 _QUOTED = re.compile(r'"([-+]?\d+),(\d+(?:[eE][-+]?\d+)?)"')
 _COMMENT = re.compile(rf"(?!{_SHEET})#.*", re.I)
+NO_NUMBER = "line {}: {!r} is no number; a missing height is an empty cell or NaN"
+_FEW = 3  # cells of a line that may be a title with numbers
 _SAMPLE = 50  # lines searched for the delimiter
 _HEAD = 4096  # bytes searched for control characters
 
@@ -59,6 +61,9 @@ def split(path: Path) -> Text:
         raise SurfaceError(f"holds no numbers, or words in each line of them; {allowed}")
     header = [(number, line.strip()) for number, line in lines[:first] if line.strip()]
     data = [(number, bare) for number, line in lines[first:] if (bare := _bare(line))]
+    usual = Counter(len(_cells(line)) for _, line in data[:_SAMPLE]).most_common(1)[0][0]
+    for number, line in header:
+        _refuse_row(number, line, usual)
     comments = [(number, line.strip()) for number, line in lines[first:] if line.lstrip().startswith("#")]
     return Text(header, data, comments)
 
@@ -142,7 +147,7 @@ def _value(number: int, cell: str) -> float:
         return float(cell.lower().replace("d", "e"))
     if _MISSING.fullmatch(cell):
         return np.nan
-    raise DatasetError(f"line {number}: {cell[:40]!r} is no number; a missing height is an empty cell or NaN")
+    raise DatasetError(NO_NUMBER.format(number, cell[:40]))
 
 
 def _bare(line: str) -> str:
@@ -151,8 +156,20 @@ def _bare(line: str) -> str:
     return (_COMMENT.sub("", line) if "#" in line else line).strip(" \r\f\x1a")
 
 
+def _cells(line: str) -> list[str]:
+    return [cell.strip('"') for cell in re.split(r"[\s;,]+", _bare(line).strip(" ;,\t"))]
+
+
+def _refuse_row(number: int, line: str, usual: int) -> None:
+    """Refuse a line of the header that is a row with an unknown mark: most of its cells are numbers."""
+    cells = _cells(line)
+    others = [cell for cell in cells if not (_NUMBER.fullmatch(cell) or _MISSING.fullmatch(cell))]
+    if len(cells) == usual > _FEW and 2 * len(others) < usual:
+        raise NotRead(NO_NUMBER.format(number, others[0][:40]))
+
+
 def _is_data(line: str) -> bool:
-    cells = [cell.strip('"') for cell in re.split(r"[\s;,]+", _bare(line).strip(" ;,\t"))]
+    cells = _cells(line)
     numbers = sum(_NUMBER.fullmatch(cell) is not None for cell in cells)
     missing = sum(_MISSING.fullmatch(cell) is not None for cell in cells)
     return numbers + missing == len(cells) and (numbers > 0 or missing > 2)

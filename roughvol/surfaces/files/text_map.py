@@ -78,7 +78,7 @@ def opened(request: Request) -> HeightMap:
         # SurfaceTopography multiplies a width by the size of a pixel where a header gives both
         raise SurfaceError(str(error)) if header.size else error
     numbers = plain_text.table(text)
-    if header.size:
+    if header.size and not header.points:
         return _sized(numbers, header)
     if request.columns == "heights":
         return header.map(numbers, None, "text, rows", "rows")
