@@ -78,9 +78,11 @@ def test_a_damaged_file_is_read_or_refused(tmp_path, suffix):
     assert read < 25
 
 
-@pytest.mark.parametrize(("start", "kind"), [(b"\x1f\x8b", "gzip"), (b"PK", "zip"), (b"BZ", "bzip2")])
-def test_a_packed_file_is_to_be_unpacked(tmp_path, start, kind):
-    refused(put(tmp_path / "scan.txt.gz", start + bytes(99)), f"is packed by {kind}; unpack it")
+@pytest.mark.parametrize(
+    ("name", "remedy"), [("scan.txt.GZ", "packed; unpack it"), ("scan.xlsx", "a spreadsheet; save its table as .csv")]
+)
+def test_a_packed_file_and_a_spreadsheet_have_a_remedy(tmp_path, name, remedy):
+    refused(put(tmp_path / name, b"PK" + bytes(99)), f"is {remedy}")
 
 
 def test_a_library_prints_nothing_about_a_damaged_file(tmp_path, monkeypatch, capsys):

@@ -30,7 +30,6 @@ from roughvol.surfaces.files.description import (
     NotRead,
     Request,
     array_name,
-    first_bytes,
     length_unit,
     names_no_heights,
     position,
@@ -42,11 +41,8 @@ ARRAYS = ("h5", "mat")  # formats of arrays without meaning
 UNSIZED = "nms"
 HEIGHT = "height"  # kind of a channel
 UNREAD = "in none of the formats that SurfaceTopography reads; save it as .x3p, or as text of points x y z"
-PACKED = {
-    b"\x1f\x8b": "gzip; unpack it",
-    b"BZ": "bzip2; unpack it",
-    b"PK": "zip; unpack it, or save a table of .xlsx as .csv",
-}
+PACKED = (".gz", ".bz2", ".xz", ".zip", ".7z")
+SPREADSHEETS = (".xlsx", ".xls", ".ods")
 TEXT = ("asc", "xyz")  # readers of text in the library
 SILENT = logging.NullHandler()  # igor2, which tries every file, logs the bytes of files of other formats
 
@@ -68,8 +64,7 @@ def opened(request: Request) -> HeightMap:
             if reader.format() in UNMARKED and ending != reader.format():
                 raise CannotDetectFileFormat
         except CannotDetectFileFormat as error:
-            packed = PACKED.get(first_bytes(path, 2))
-            raise NotRead(f"is packed by {packed}" if packed else f"is damaged, or {UNREAD}") from error
+            raise NotRead(_unread(path.suffix.lower())) from error
         turned = reader.format() == "h5" and ending == "mat"  # MATLAB 7.3
         channel = _channel(reader, request.variable)
         description = _described(reader, channel, request.variable)
@@ -87,6 +82,13 @@ def opened(request: Request) -> HeightMap:
         return known.T if turned else known
 
     return HeightMap(description, heights)
+
+
+def _unread(ending: str) -> str:
+    """Return the reason and the remedy of a file in no known format, by its ending."""
+    if ending in PACKED:
+        return "is packed; unpack it"
+    return "is a spreadsheet; save its table as .csv" if ending in SPREADSHEETS else f"is damaged, or {UNREAD}"
 
 
 def _recognised(open_topography: Any, path: Path, ending: str) -> Any:
