@@ -181,6 +181,7 @@ class _States:
     flow: Mask  # states with a leak rate
     length: float  # longer side of a surface, the least of several, in m; NaN without a unit
     peak: float  # highest point above the mean plane over Sq
+    filled: float  # largest share of a map that was filled
     slopes: Array  # of the surfaces
     in_contact: float  # mean pressure of the contact over E* at the highest load
     above: tuple[Array, Array] | None  # shares of the contact and of the load above the hardness
@@ -200,6 +201,7 @@ def before(
     L: float,
     length: float = math.nan,
     peak: float = math.nan,
+    filled: float = 0.0,
 ) -> list[Finding]:
     """Return the limits that a study will probably exceed at its highest load, with pressures by Persson's theory.
 
@@ -208,8 +210,8 @@ def before(
         (p/s²) exp(-p²/(2 s²)) with s = Sdq/2, and the mean √(π/2) s = 0.63 Sdq.
 
     ``targets`` are the ends of the legs, and listed states. Sq, Sdq and L are those of the roughest surface, unused if
-    ``given.scaled`` is False. ``length`` is its longer side in m, and ``peak`` its highest point above the mean plane
-    over Sq.
+    ``given.scaled`` is False. ``length`` is its longer side in m, ``peak`` its highest point above the mean plane over
+    Sq, and ``filled`` the share of its heights that were missing.
     """
     scale = 0.5 * Sdq if given.scaled else math.nan
     ends = [_end(target, scale, Sq / L) for target in targets if given.scaled]
@@ -228,6 +230,7 @@ def before(
         flow=np.array([[end > 0.0]]),
         length=length,
         peak=peak,
+        filled=filled,
         slopes=np.array([Sdq]),
         in_contact=math.sqrt(0.5 * math.pi) * scale,
         above=shares,
@@ -267,6 +270,7 @@ def after(given: Setting, results: Dataset) -> list[Finding]:
         length=min((_longer_side(L, (x, y), unit, periodic=periodic) for x, y in shapes), default=math.nan),
         # d/σ + Δ/σ: height of the first touch above the mean plane
         peak=float((numbers["separation"] + numbers["indentation"]).max()),
+        filled=float(numbers["filled_fraction"].max()) if "filled_fraction" in results else 0.0,
         slopes=numbers["Sdq"].values.ravel() if given.scaled else np.empty(0),
         in_contact=math.nan,
         above=(states(numbers[above[0]]), states(numbers[above[1]])) if above[1] in results else None,
@@ -310,6 +314,7 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[Finding]:
     targets = [level for leg in path.starred(case, surface).sweep.legs for level in leg.goals]
     Sdq = size * texture.Sdq(surface.with_neighbours, surface.spacing)
     found = {"Sq": size * surface.Sq, "Sdq": Sdq, "L": surface.side, "peak": surface.peak}
+    found["filled"] = surface.filled / surface.heights.size
     return before(given, targets, **found, length=length)
 
 
@@ -324,6 +329,7 @@ def kept(given: Setting, results: Dataset) -> list[Limit]:
         "free_path": math.isfinite(given.free_path) and any(name in results for name in FLOWS),
         "rim": given.patch,
         "peak": given.measured,
+        "filled": "filled_fraction" in results,
     }
     beyond = {finding.key for finding in after(given, results)}
     return [LIMITS[key] for key, is_judged in judged.items() if is_judged and key not in beyond]
@@ -361,6 +367,8 @@ def _of_surfaces(given: Setting, states: _States) -> Iterator[Finding]:
     if given.measured and LIMITS["peak"].exceeded(np.array(states.peak)):
         remedy = "outliers were removed already" if given.cleaned else "see surface.outliers"
         yield _finding("peak", {"highest": f"{states.peak:.3g}", "remedy": remedy})
+    if LIMITS["filled"].exceeded(np.array(states.filled)):
+        yield _finding("filled", {"share": f"{states.filled:.0%}"})
     slopes = states.slopes[np.isfinite(states.slopes)]
     if given.scaled and (steep := int(np.sum(LIMITS["slope"].exceeded(slopes)))):
         surfaces = f" on {steep} of {slopes.size} surfaces" if slopes.size > 1 else ""
