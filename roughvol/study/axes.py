@@ -26,9 +26,18 @@ S = TypeVar("S")  # `study.Study`
 T = TypeVar("T")
 Label = float | str
 
-_OF_MATERIAL = ("E_star", "E", "nu", "thickness", "hardness")
-_KEYS = ("surface.level", "surface.low_pass", "material", *(f"material.{key}" for key in _OF_MATERIAL))
-AXES = {key.rpartition(".")[2]: tuple(key.split(".")) for key in (*_KEYS, "sweep.to", "record.region")}
+AXES: dict[str, tuple[str, ...]] = {
+    "level": ("surface", "level"),
+    "low_pass": ("surface", "low_pass"),
+    "material": ("material",),
+    "E_star": ("material", "E_star"),
+    "E": ("material", "E"),
+    "nu": ("material", "nu"),
+    "thickness": ("material", "thickness"),
+    "hardness": ("material", "hardness"),
+    "to": ("sweep", "to"),
+    "region": ("record", "region"),
+}
 """Key path of each axis, in the order of the dimensions of a dataset."""
 LABELS_OF_NONE: dict[str, Label] = {"low_pass": 0.0, "thickness": math.inf, "hardness": math.inf, "region": "whole"}
 """Label of the item 'none', of each axis that takes this item."""
