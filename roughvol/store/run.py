@@ -19,16 +19,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from roughvol.errors import (
-    DatasetError,
-    FolderError,
-    Problem,
-    StudyError,
-    SurfaceError,
-    each_problem,
-    nearest_word,
-    question,
-)
+from roughvol import errors
+from roughvol.errors import DatasetError, FolderError, Problem, StudyError, SurfaceError
 from roughvol.store import run_folder, same_study, sample_plan
 from roughvol.study import HeightFile, Study, changes_of, check_type, load, loads
 from roughvol.study.plain_data import is_file
@@ -241,7 +233,7 @@ def study_of(run: str | Path, changes: Sequence[str] = (), *, stored: bool = Fal
     if folder := folder_of_run(run):
         text = run_folder.stored_study(folder) or ""
         source, file = _beside_heights(text, folder), folder / "study.yaml"
-        with each_problem(functools.partial(_with_advice, file)):
+        with errors.each_problem(functools.partial(_with_advice, file)):
             study = loads(text, source, stored=stored, of_run=file, changes=changes)
         renamed = any(change.partition("=")[0].strip() == "name" for change in changes)
         return study, run_folder.folder_of(study) if renamed else folder
@@ -373,8 +365,8 @@ def _meant(run: str | Path) -> str:
     files = [path for suffix in STUDY_SUFFIXES for path in Path().glob(f"*{suffix}")]
     known = {name: path.name for path in files for name in (path.name, path.stem)}
     known |= {folder.name: folder.name for folder in with_results()}
-    near = str(run) if str(run) in known else nearest_word(str(run), known)
-    return question([known[near]] if near else [])
+    near = str(run) if str(run) in known else errors.nearest_word(str(run), known)
+    return errors.question([known[near]] if near else [])
 
 
 def _check(file: Path, results: Dataset, given: Study | None, run: str, call: str, *, is_part: bool = False) -> None:

@@ -49,11 +49,8 @@ RAISED = {"2": "²", "3": "³"}  # the font has no others, nor a raised minus
 WIDE = 62  # characters of a legend, lines included, that fit over a column
 MANY = 30  # computed states of a curve, beyond which only some have a marker
 SHORT = 4.0  # ratio of the ends of a logarithmic axis up to which its numbers are equally far apart
-NUMBERS = {
-    10.0: (1.0, 2.0, 3.0, 5.0, 7.0),
-    100.0: (1.0, 2.0, 5.0),
-    math.inf: (1.0,),
-}  # multiples of powers of ten with a number, on an axis whose ends have less than this ratio
+# multiples of powers of ten with a number, on an axis whose ends have less than this ratio
+NUMBERS = {10.0: (1.0, 2.0, 3.0, 5.0, 7.0), 100.0: (1.0, 2.0, 5.0), math.inf: (1.0,)}
 A, P, V = "contact_area_fraction", "mean_pressure", "free_volume"
 
 
