@@ -13,25 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from roughvol.errors import CHANGES, Problem, RoughvolDeprecation, StudyError, warn
+from roughvol.study import plain_data
 from roughvol.study.former import renamed
-from roughvol.study.plain_data import (
-    MAX_BYTES,
-    STORED_BYTES,
-    Arguments,
-    KeyPath,
-    Places,
-    Reading,
-    UnreadableError,
-    given,
-    is_file,
-    key_path,
-    key_text,
-    printable,
-    put,
-    show,
-    text_in,
-    write,
-)
+from roughvol.study.plain_data import Arguments, KeyPath, Places, Reading, UnreadableError, key_text, printable, show
 from roughvol.study.python_data import changes_of, check_type, plain, refused
 from roughvol.study.sections.strict import names
 from roughvol.study.sections.surface import UNSAID
@@ -83,12 +67,12 @@ def load(path: str | Path, changes: Changes = ()) -> Study:
     check_type(path, (str, os.PathLike), "a study file is a path", refused)
     file = printable(str(path))
     try:
-        text = text_in(path, "the study")
+        text = plain_data.text_in(path, "the study")
     except UnreadableError as error:
         message, line = str(error), error.line
         of_runs = [Path(folder, path, "study.yaml") for folder in RUNS]
         of_runs += [Path(path)] if Path(path).suffix in RESULTS else []
-        if any(map(is_file, of_runs)):
+        if any(map(plain_data.is_file, of_runs)):
             them = f"roughvol.open({str(path)!r}) returns them, roughvol show prints them"
             message, line = f"holds results and is no study file: {them}", None
         raise refused(message, line=line, file=file) from error
@@ -122,7 +106,7 @@ def of_data(data: Mapping[str, Any], arguments: Arguments = STUDY, changes: Sequ
         check_type(data, Study, A_STUDY, refused)
     problems: dict[KeyPath, str] = {}
     try:
-        text = write(plain(data, problems))
+        text = plain_data.write(plain(data, problems))
     except RecursionError as error:
         message = "nested too deep, or a mapping that contains itself"
         raise refused(message, argument=arguments.of("")) from error
@@ -213,14 +197,14 @@ def _study(
 ) -> Study:
     reading = Reading()
     try:
-        data = reading.read(text, STORED_BYTES if stored or of_run else MAX_BYTES)
+        data = reading.read(text, plain_data.STORED_BYTES if stored or of_run else plain_data.MAX_BYTES)
     except UnreadableError as error:
         if arguments is not None:
             message = (problems or {}).get((), str(error))  # the data are no mapping
             raise refused(message, argument=arguments.of("")) from error
         raise refused(str(error), line=error.line, file=file) from error
     if of_run and changes:  # the study of a run names keys without a value, which exclude others
-        data = given(data)
+        data = plain_data.given(data)
     changed = [set_key(data, change) for change in changes]
     made = {path[:depth] for path in changed for depth in range(1, len(path))} - reading.marks.keys()
     places = Places(file, reading.marks, arguments, tuple(map(key_text, (*changed, *made))))
@@ -242,7 +226,7 @@ def set_key(data: dict[str, Any], change: str) -> KeyPath:
     """
     keys, value = _key_and_value(change)
     try:
-        held = put(data, keys, value)
+        held = plain_data.put(data, keys, value)
         section = tuple(key for key in keys[:-1] if isinstance(key, str))
         known = names(*models_of(Study).get(section, ()))
         if value is None and keys[-1] in known and not change.rstrip().endswith("="):
@@ -255,7 +239,7 @@ def set_key(data: dict[str, Any], change: str) -> KeyPath:
 def _key_and_value(change: str) -> tuple[KeyPath, Any]:
     """Return the key and the value of a text as ``surface.m=6``."""
     name, equals, text = change.partition("=")
-    keys = key_path(name)
+    keys = plain_data.key_path(name)
     if not equals or not keys:
         raise refused(f"must be KEY=VALUE, as surface.m=6, given {show(change)}", file=CHANGES)
     reading = Reading()
