@@ -100,6 +100,10 @@ TINY = {"name": "tiny", "surface": {"D": 2.5, "m": 3, "seeds": 2}, "sweep": {"st
 RUNS = "runs are a list of names, paths and datasets, given a value of the type "
 WRONG: list[tuple[Callable[[Any], Any], Any, str]] = [
     (roughvol.run, 3, "a study is a file, a mapping or a Study, given a value of the type int"),
+    *(
+        (take, "surface: {D: 2.5, m: 3}\n", "a study file is a path, given the text of a study")
+        for take in (roughvol.run, roughvol.load)
+    ),
     (roughvol.status, 3, "a study is a file, a mapping or a Study, given a value of the type int"),
     (roughvol.check, {"surface": {"D": 9.0, "m": 3}}, r'study\["surface"\]\["D"\]: must be < 3, given 9'),
     (roughvol.card, xr.Dataset(), "a study is a file, a mapping or a Study, given a value of the type Dataset"),

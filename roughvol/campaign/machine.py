@@ -92,9 +92,8 @@ def available_memory() -> float | None:
 
 def free_disk(folder: Path) -> float | None:
     """Return the free bytes at a folder that exists or would be made, None if unknown."""
-    folder = folder.absolute()
-    for place in (folder, *folder.parents):
-        with contextlib.suppress(OSError):  # not there yet, or a name too long
+    for place in (folder, *folder.parents):  # the last is "." or "/"
+        with contextlib.suppress(OSError):  # not there yet, a name too long, or the current folder has vanished
             return float(shutil.disk_usage(place).free)
     return None
 

@@ -18,6 +18,7 @@ from roughvol.cli.output import say
 from roughvol.errors import FolderError, StudyError, SurfaceError, meant
 from roughvol.report import terminal
 from roughvol.store import stamped_file
+from roughvol.study.plain_data import is_file
 
 SCAN = "scan.txt"
 TO_FILL_IN = {"L": "500 um", "unit": "um", "heights_unit": "um"}  # what a height map may lack, with an example
@@ -56,11 +57,11 @@ def init(names: tuple[str, ...], listing: bool, changes: tuple[str, ...]) -> Non
         say("write one with: roughvol init EXAMPLE; the study of a height map with: roughvol init FILE")
         return
     example, *others = names
-    if not known.keys() & names and all(Path(name).is_file() for name in names):
+    if not known.keys() & names and all(is_file(Path(name)) for name in names):
         _write_study_of_maps([Path(name) for name in names], known["scan"], changes)
         return
     if others:
-        example = next((name for name in names if not Path(name).is_file()), example)
+        example = next((name for name in names if not is_file(Path(name))), example)
         raise click.UsageError(f"{example!r} is no height map; allowed are one example, or one height map or several")
     if example not in known:
         near = meant(example, known)

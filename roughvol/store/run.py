@@ -240,6 +240,8 @@ def study_of(run: str | Path, changes: Sequence[str] = (), *, stored: bool = Fal
     try:
         study = load(path, changes)
     except StudyError as error:
+        if "\n" in str(path):  # a text
+            raise
         whole = all(not problem.key for problem in error.problems)  # the file is no mapping
         if whole and path.suffix not in STUDY_SUFFIXES and is_file(path):
             reason = "; ".join(problem.message for problem in error.problems)
@@ -250,7 +252,7 @@ def study_of(run: str | Path, changes: Sequence[str] = (), *, stored: bool = Fal
             looked_for = dict.fromkeys(map(str, (path, *(folder / "study.yaml" for folder in _folders(run)))))
             message = f"no study file and no run: looked for {', '.join(looked_for)}{_meant(run)}"
             raise StudyError([Problem(message)]) from error
-        if not path.exists():
+        if not is_file(path):
             raise StudyError([replace(one, message=one.message + _meant(run)) for one in error.problems]) from error
         raise
     return study, run_folder.folder_of(study)

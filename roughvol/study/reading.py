@@ -65,6 +65,8 @@ def load(path: str | Path, changes: Changes = ()) -> Study:
     (4,)
     """
     check_type(path, (str, os.PathLike), "a study file is a path", refused)
+    if "\n" in str(path):
+        raise refused("a study file is a path, given the text of a study; roughvol.study.loads reads text")
     file = printable(str(path))
     try:
         text = plain_data.text_in(path, "the study")

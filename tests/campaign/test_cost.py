@@ -348,6 +348,18 @@ def test_a_name_too_long_is_refused_in_one_line(study: str, tmp_path: Path, monk
     assert (
         refused("run", study, "--out", folder).splitlines()[-1] == f"error: cannot write {folder}: File name too long"
     )
+    for command in ("run", "init"):
+        refused(command, f"{folder}.yaml")
+
+
+def test_a_study_in_a_folder_that_has_vanished_is_refused_in_one_line(
+    study: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert call("check", study).exit_code == 0
+    assert refused("run", study).splitlines()[-1] == "error: cannot write runs/s: the folder has vanished"
 
 
 @pytest.mark.parametrize(
