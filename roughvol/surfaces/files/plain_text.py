@@ -30,6 +30,7 @@ _SMALL = re.compile(r"[-+]?[1-9]\d{0,2}")  # a whole number below a thousand
 _NO_WHOLE = re.compile(r"-0,|,0\d")  # in pairs of whole numbers
 _QUOTED = re.compile(r'"([-+]?\d+),(\d+(?:[eE][-+]?\d+)?)"')
 _COMMENT = re.compile(rf"(?!{_SHEET})#.*", re.I)
+EMPTY = "holds empty cells alone; delete it, or write NaN for missing heights"
 NO_NUMBER = "line {}: {!r} is no number; a missing height is an empty cell or NaN"
 _FEW = 3  # cells of a line that may be a title with numbers
 _SAMPLE = 50  # lines searched for the delimiter
@@ -107,6 +108,8 @@ def table(text: Text) -> Array:
         lines = [line[:-1] for line in lines]  # a mark at the end of every row separates nothing
     if mark is not None and all(line.startswith(mark) for line in lines):
         lines = [line[1:] for line in lines]
+    if mark is not None and not lines[-1].strip(f'{mark} "'):
+        raise DatasetError(f"line {text.data[-1][0]} {EMPTY}")
     cells = [cell for line in sample for cell in line.split()] if mark == "," else []
     spaced = any(cell.endswith(",") for cell in cells)
     pairs = all(map(_PAIRS.fullmatch, lines)) and any(map(_NO_WHOLE.search, lines))
@@ -125,6 +128,13 @@ def table(text: Text) -> Array:
         return np.loadtxt(lines, delimiter=mark, comments=None, ndmin=2)
     except ValueError:
         return _slowly(text, lines, mark)
+
+
+def refuse_empty_columns(text: Text) -> None:
+    """Refuse a map whose last columns are empty in every line, as a spreadsheet writes them."""
+    mark = _delimiter(_sample(text))
+    if mark is not None and all(line.endswith(2 * mark) for _, line in text.data):
+        raise DatasetError(f"the last column {EMPTY}")
 
 
 def _slowly(text: Text, lines: list[str], mark: str | None) -> Array:
