@@ -23,6 +23,7 @@ from roughvol.study.sections.height_file import ABSENT, is_absent
 from roughvol.study.sections.strict import models_in, names
 from roughvol.study.values.state_kinds import LISTS, stored_name
 from roughvol.study.values.types import REFUSED
+from roughvol.study.values.units import A_POINT
 from roughvol.tables import table
 
 RULE = "rule"  # type of the error of a broken rule
@@ -238,7 +239,8 @@ def _unknown(path: KeyPath, data: Any, of: Models) -> tuple[str, str | None]:
         return f"'{key}' stands in place of 'to', as sweep: {{{key}: [...]}}", None
     near = nearest_word(key, known)
     homes = [key_text(section) for section, others in of.items() if key in names(*others)]
-    hint = question([near]) if near else f"; a key of '{homes[0]}'" if homes else ""
+    comma = A_POINT if key[:1].isdigit() else ""  # {nu: 0,5} has the key 5
+    hint = question([near]) if near else f"; a key of '{homes[0]}'" if homes else comma
     return f"unknown key{hint}; allowed: {', '.join(known)}", near
 
 

@@ -44,6 +44,7 @@ _MARK = re.compile(r"[,_'’]\d")  # behind digits: a decimal comma, or a mark b
 _PLAIN_POWER = re.compile(r"(?<=[^\W\d_])(?=[1-9])")  # as in mm2
 _DOT = re.compile(r"\.(?=[^\W\d])")  # between units, a product
 _STANDARD = re.compile(r"(?:sccm|sccs|standard_liter_per_minute)\b")  # pint's full names, behind a prefix
+A_POINT = "; a number has a point and no other mark, as 1000.5"
 LARGEST = 1e50  # in a study, in any unit: fourth powers, of spectra, are floats
 ROUNDING = 1e-12  # relative, of two numbers in different units
 _NOT_KNOWN = (AttributeError, ValueError, TypeError, AssertionError)  # bases of pint's errors beside PintError
@@ -320,7 +321,7 @@ def _checked(unit: str, kind: str) -> str:
 def _hint(unit: str, kind: str) -> str:
     """Return what was meant by an unknown unit or one of another kind, empty if that is not known."""
     if _MARK.match(unit):
-        return "; a number has a point and no other mark, as 1000.5"
+        return A_POINT
     powers = _PLAIN_POWER.sub("^", unit)
     meant = [powers] if _dimension(powers) == KINDS[kind].dimension else []
     meant += [one for one in _listed(kind) if _joined(one) == _joined(unit)]
