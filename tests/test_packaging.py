@@ -42,7 +42,16 @@ def test_the_wheel_holds_the_package_its_types_and_its_command(wheel: Path) -> N
         names = set(held.namelist())
     stored = {path.relative_to(ROOT).as_posix() for path in (ROOT / "roughvol").rglob("*.*") if path.is_file()}
     stored = {name for name in stored if "__pycache__" not in name}
-    assert {Path(name).suffix for name in stored} == {".py", ".pyi", ".typed", ".toml", ".css", ".yaml", ".mplstyle"}
+    assert {Path(name).suffix for name in stored} == {
+        ".py",
+        ".pyi",
+        ".typed",
+        ".toml",
+        ".css",
+        ".html",
+        ".yaml",
+        ".mplstyle",
+    }
     assert stored <= names
     assert not [name for name in names if not name.startswith(("roughvol/", "roughvol-"))]
 

@@ -21,7 +21,7 @@ import roughvol
 from roughvol.campaign import workers
 from roughvol.errors import FolderError, StudyError
 from roughvol.store import lock
-from roughvol.study import loads, of_data, reading
+from roughvol.study import loads, of_data, plain_data
 from tests.campaign.kit import noise, table
 from tests.kit import call, refused, succeeded
 
@@ -172,7 +172,7 @@ def test_what_is_no_plain_data_is_refused_at_its_place(value: object, reason: st
 
 
 def test_problems_of_a_dict_name_keys_and_no_lines(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(reading, "MAX_BYTES", 2000)
+    monkeypatch.setattr(plain_data, "MAX_BYTES", 2000)
     np.savetxt("z.txt", _heights())
     loop: dict[str, Any] = {"surface": {}}
     loop["surface"]["surface"] = loop

@@ -24,7 +24,7 @@ from roughvol.campaign import batch, checks, cost, execution, inventory, machine
 from roughvol.errors import CampaignError, DatasetError, FolderError, RoughvolError, StudyError
 from roughvol.store import dataset, lock, provenance, run_folder, run_status, stamped_file
 from roughvol.store.dataset import Dataset
-from roughvol.study import Study, loads, plain_data, reading
+from roughvol.study import Study, loads, plain_data
 from roughvol.study import case as one_of_study
 from tests.campaign.kit import Events, files_of, values_of
 from tests.kit import call, refused, said
@@ -626,10 +626,10 @@ def test_a_library_that_crashes_or_reads_for_ever_is_an_error_of_its_file(
 
 
 def test_the_study_of_a_run_is_read_again_whatever_its_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    most = plain_data.MAX_BYTES // 100
-    monkeypatch.setattr(reading, "MAX_BYTES", most)
-    for module in (reading, run_folder):
-        monkeypatch.setattr(module, "STORED_BYTES", plain_data.STORED_BYTES // 100)
+    most, stored = plain_data.MAX_BYTES // 100, plain_data.STORED_BYTES // 100
+    monkeypatch.setattr(plain_data, "MAX_BYTES", most)
+    for module in (plain_data, run_folder):
+        monkeypatch.setattr(module, "STORED_BYTES", stored)
     begin = "surface: {D: 2.5, m: 2, seeds: 1}\nsweep: {steps: 0}\ncomment: "
     study = loads(f"{begin}{'x' * (most - len(begin))}")
     text = study.stored()
