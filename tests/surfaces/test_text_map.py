@@ -119,6 +119,7 @@ REFUSED = {
     "counts.txt": ("h=5 w=7\n" + TURNED, f"{UNKNOWN}'h=5 w=7'"),
     "title.csv": ("a,b,c,d,e\n" + TURNED.replace(" ", ","), f"{UNKNOWN}'a,b,c,d,e'"),
     "latin.txt": (b"# \xb5m\n1 2 3\n", f"{UNKNOWN}'# µm'"),
+    "two.csv": (2 * (rows(HEIGHTS, ";") + "\n"), "line 8 begins another map of 6 lines, behind an empty line"),
     "empty line.csv": (rows(HEIGHTS, ";") + ";;;;\n", "line 7 holds empty cells alone; delete it"),
     "empty columns.csv": (rows(HEIGHTS, ";").replace("\n", ";;\n"), "the last column holds empty cells alone"),
     "thousands.csv": ("1,234;5;1,002\n" * 3, "line 1 may hold commas between thousands"),

@@ -6,6 +6,7 @@ Any later line that is neither data nor a comment is an error: a reader that ski
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -14,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from roughvol.errors import DatasetError, SurfaceError
-from roughvol.surfaces.files.description import NotRead, first_bytes
+from roughvol.surfaces.files.description import FEWEST, NotRead, first_bytes
 from roughvol.typing import Array
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?|[-+]?(?:inf|infinity)", re.I)
@@ -130,8 +131,14 @@ def table(text: Text) -> Array:
         return _slowly(text, lines, mark)
 
 
-def refuse_empty_columns(text: Text) -> None:
-    """Refuse a map whose last columns are empty in every line, as a spreadsheet writes them."""
+def refuse_parts(text: Text) -> None:
+    """Refuse several maps with empty lines between them, and last columns that are empty, as of a spreadsheet."""
+    places = [number for number, _ in text.data]
+    starts = [0, *(i for i in range(1, len(places)) if places[i] - places[i - 1] > 1), len(places)]
+    (lines, *others) = {end - start for start, end in itertools.pairwise(starts)}
+    if len(starts) > 2 and not others and lines >= FEWEST:
+        found = f"line {places[lines]} begins another map of {lines} lines, behind an empty line or a comment"
+        raise DatasetError(f"{found}; allowed: one map; delete what stands between its lines")
     mark = _delimiter(_sample(text))
     if mark is not None and all(line.endswith(2 * mark) for _, line in text.data):
         raise DatasetError(f"the last column {EMPTY}")

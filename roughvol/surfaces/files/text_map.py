@@ -78,8 +78,8 @@ def opened(request: Request) -> HeightMap:
         # SurfaceTopography multiplies a width by the size of a pixel where a header gives both
         raise SurfaceError(str(error)) if header.size else error
     numbers = plain_text.table(text)
-    if not header.points:
-        plain_text.refuse_empty_columns(text)
+    if not header.points and numbers.shape[1] != 3:
+        plain_text.refuse_parts(text)
     if header.size and not header.points:
         return _sized(numbers, header)
     if request.columns == "heights":
