@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from roughvol.errors import ContactError
 from roughvol.gap import clusters
 from roughvol.gap.constriction import constriction
+from roughvol.gap.gas import conduction_of_gas
 from roughvol.gap.quick_estimates import effective_medium, single_junction
 from roughvol.gap.transport import cell_conduction, conduction
 from tests.gap.kit import floods, rough, smooth
@@ -225,6 +226,15 @@ def test_contrast_of_many_decades_against_elimination_without_differences():
         gap = 10.0 ** (decades * np.random.default_rng(seed).uniform(-1.0, 0.0, (11, 9)))  # g³: up to 36 decades
         tolerance = 1e-5 if decades > 2 else 1e-12
         assert conduction(gap, 0).coefficient == pytest.approx(by_elimination(gap, 3.0), rel=tolerance)
+
+
+def test_a_groove_with_a_ridge_conducts_too_little_by_1e_7_for_each_element():
+    groove = np.full((400, 3), 1e4)
+    groove[200] = 1.0
+    in_series = 1.0 / np.mean((groove.mean() / groove[:, 0]) ** 3)
+    of_gas = conduction_of_gas(groove, 0, "viscous", 0.0, 0.5, accuracy=1e-9)
+    for flow in (conduction(groove, 0, accuracy=1e-9), of_gas):
+        assert 0.9 < (1.0 - flow.coefficient / in_series) / 400e-7 < 1.0
 
 
 @pytest.mark.parametrize("narrow", [1e-1, 1e-5])
