@@ -27,8 +27,8 @@ element of conductance ≤ h_c^n, and one path has none below. Conductances abov
 are set to that value. Elements that conduct less than 1/`_WINDOW` of h_c^n count as closed. Both lower the coefficient,
 by up to 1/`_WINDOW` for each element along the stream or across it, and the stated error is without this. The matrix
 gets a condition that a factorisation can bear. The coefficient is taken from the dissipation Σ k (δP)², because the
-error of P enters it squared. P is solved for as the difference to the nearer of the
-two reservoirs. The flow in wide waters before and behind a constriction then keeps its digits.
+error of P enters it squared. P is solved for as the difference to the nearer of the two reservoirs. The flow in wide
+waters before and behind a constriction then keeps its digits.
 """
 
 from dataclasses import dataclass
