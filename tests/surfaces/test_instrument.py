@@ -9,10 +9,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import scipy.io
+import xarray as xr
 from height_files import HEIGHTS, HOLED, HOLES, PIXEL, SDF, library, nms, put, refused, rows, same
 
 from roughvol.campaign import case_surface
-from roughvol.errors import RoughvolError, StudyError
+from roughvol.errors import RoughvolError, StudyError, SurfaceError
 from roughvol.surfaces import length_units, treatment
 from roughvol.surfaces.files import instrument, reading
 from tests.study.kit import case_of, surface_of
@@ -181,6 +182,15 @@ def test_an_array_of_hdf5_has_the_unit_of_its_attribute(tmp_path, key, unit):
         stored["z"].attrs[key] = unit
     assert reading.describe(path).heights_unit == "nm"
     assert reading.describe(path, ignore_header=True).heights_unit is None
+
+
+@pytest.mark.parametrize("ignored", [False, True])
+def test_netcdf_named_as_hdf5_is_refused(tmp_path, ignored):
+    path = tmp_path / "z.h5"
+    packed = {"z": {"dtype": "int16", "scale_factor": 1e-3, "_FillValue": -1}}
+    xr.Dataset({"z": (("y", "x"), HEIGHTS)}).to_netcdf(path, encoding=packed, engine="netcdf4")
+    with pytest.raises(SurfaceError, match=r"is a netCDF file: name it \.nc"):
+        reading.describe(path, ignore_header=ignored)
 
 
 def _gwyddion(path, *titles):

@@ -68,8 +68,9 @@ def opened(request: Request) -> HeightMap:
         turned = reader.format() == "h5" and ending == "mat"  # MATLAB 7.3
         channel = _channel(reader, request.variable)
         description = _described(reader, channel, request.variable)
-        if reader.format() == "h5" and not request.ignore_header:
-            description = replace(description, heights_unit=_heights_unit(path, channel.name))
+        if reader.format() == "h5":
+            unit = _heights_unit(path, channel.name)
+            description = description if request.ignore_header else replace(description, heights_unit=unit)
         if turned:
             description = replace(description, shape=description.shape[::-1])
 
@@ -171,10 +172,12 @@ def _described(reader: Any, channel: Any, wanted: str | None) -> Description:
 
 
 def _heights_unit(path: Path, name: str) -> str | None:
-    """Return the unit of an array of HDF5 by its attribute, which the library passes over."""
+    """Return the unit of an array of HDF5 by its attribute, which the library passes over; refuse netCDF."""
     import h5py  # a requirement of SurfaceTopography
 
     with h5py.File(path) as stored:
+        if "_NCProperties" in stored.attrs:  # a mark of netCDF 4
+            raise SurfaceError("is a netCDF file: name it .nc, so that its axes, units and factors are read")
         attributes = stored[name].attrs
         key = next((key for key in ("units", "unit") if key in attributes), None)
         if key is None:
