@@ -377,16 +377,10 @@ def _check(file: Path, results: Dataset, given: Study | None, run: str, call: st
     ``is_part``: the study file has some of the combinations of the results.
     """
     stored = str(results.attrs.get("study", ""))
-    text = run_folder.stored_study(file.parent) if file.name == RESULTS else None
-    within = [] if text is None else _changes(file, stored, text)
-    if text is not None and not within:
-        within = _of_other_cases(results, run_folder.stored_ids(file.parent))
-    cases = {} if given is None else _cases(given, file.parent)
-    lines = [] if given is None or is_part else _changes(file, stored, given.stored())
-    if cases and not lines:
-        lines = _changed_heights(results, cases.values()) or _of_other_cases(results, cases)
-    if given is not None and lines:
+    within = _of_another_folder(file, results, stored)
+    if given is not None and (lines := _of_another_study(file, results, stored, given, is_part=is_part)):
         show = "" if within else f"; to see what the folder holds: roughvol show {_word(file.parent)}"
+        cases = _cases(given, file.parent)
         another = same_study.another_study(file.parent, given, cases)
         beside = " --set name=OTHER, or --fresh, which replaces these results" if another else ""
         raise FolderError(
@@ -399,6 +393,15 @@ def _check(file: Path, results: Dataset, given: Study | None, run: str, call: st
             f"{_indented(within)}\n"
             f"an interrupted run goes on with: roughvol run STUDY; a {RESULTS} of another run opens in its own folder"
         )
+
+
+def _of_another_study(file: Path, results: Dataset, stored: str, given: Study, *, is_part: bool) -> list[str]:
+    """Return how the study and the height files of results differ from those of a study; a line each."""
+    if not is_part and (lines := _changes(file, stored, given.stored())):
+        return lines
+    if not (cases := _cases(given, file.parent)):
+        return []
+    return _changed_heights(results, cases.values()) or _of_other_cases(results, cases)
 
 
 def _cases(study: Study, folder: Path) -> dict[str, Case]:
@@ -432,6 +435,14 @@ def check_heights(study: Study, run: str | Path) -> None:
     if lines := _changed_heights(results, study.cases(), absent=()):
         message = f"{folder} is a run of other heights:\n{_indented(lines)}\ngo to the folder of its heights"
         raise FolderError(f"{message}, or give a study file of these")
+
+
+def _of_another_folder(file: Path, results: Dataset, stored: str) -> list[str]:
+    """Return how results differ from the study.yaml and the cases beside them; a line each."""
+    text = run_folder.stored_study(file.parent) if file.name == RESULTS else None
+    if text is None:
+        return []
+    return _changes(file, stored, text) or _of_other_cases(results, run_folder.stored_ids(file.parent))
 
 
 def _changes(file: Path, stored: str, text: str) -> list[str]:

@@ -17,6 +17,7 @@ from pydantic import BaseModel
 from roughvol.errors import meant
 from roughvol.study.file import StudyFile
 from roughvol.study.plain_data import KeyPath, number_text
+from roughvol.study.sections.dimensional import Dimensional
 from roughvol.study.sections.ensemble import AUTO_TO, CLOSING, FEWEST_LEVELS, RECORDED_BY, Accuracies
 from roughvol.study.sections.height_file import HEIGHT_FORMATS, HeightFile
 from roughvol.study.sections.record import EVERY_STEP, Record, Region
@@ -104,6 +105,12 @@ RULES += [
     for rows, needs in (("needs", True), ("excludes", False))
     for key, others in _TABLE[rows].items()
     for other, message in others.items()
+]
+_LENGTH = _TABLE["needs"]["fluid"]["surface.has_length"]
+RULES += [
+    _of_pair(f"record.dimensional.{key}", "surface.has_length", _LENGTH, needs=True)
+    for key in names(Dimensional)
+    if key != "pressure"
 ]
 
 
