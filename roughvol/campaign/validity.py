@@ -368,7 +368,7 @@ def _of_surfaces(given: Setting, states: _States) -> Iterator[Finding]:
         remedy = "outliers were removed already" if given.cleaned else "see surface.outliers"
         yield _finding("peak", {"highest": f"{states.peak:.3g}", "remedy": remedy})
     if LIMITS["filled"].exceeded(np.array(states.filled)):
-        yield _finding("filled", {"share": f"{states.filled:.0%}"})
+        yield _finding("filled", {"share": f"{states.filled:.1%}"})
     slopes = states.slopes[np.isfinite(states.slopes)]
     if given.scaled and (steep := int(np.sum(LIMITS["slope"].exceeded(slopes)))):
         surfaces = f" on {steep} of {slopes.size} surfaces" if slopes.size > 1 else ""

@@ -392,10 +392,10 @@ def test_the_highest_point_of_a_scan_alone_is_judged(tmp_path: Path, cleaned: st
 
 def test_filled_heights_are_judged_before_and_after_a_run() -> None:
     given, states = Setting(1.0), _states(0.1)
-    for share, named in ((0.1, []), (0.32, ["up to 32% of the heights of a map were missing"])):
+    for share, named in ((0.1, []), (0.104, ["up to 10.4% of the heights of a map were missing"])):
         states["filled_fraction"] = share
         findings = [*validity.after(given, states), *validity.before(given, [], Sq=1.0, Sdq=0.1, L=9.0, filled=share)]
-        assert [found.sentence[:46] for found in findings] == 2 * named
+        assert [found.sentence[:48] for found in findings] == 2 * named
         assert ("filled" in [limit.key for limit in validity.kept(given, states)]) == (not named)
 
 
