@@ -286,17 +286,10 @@ def _on_leg(run: Run, group: Dataset, level: Level, leg: int, label: str, reach:
     if np.isfinite(crossings).any():
         _close_where_solved(data, group, reached, places, own, crossings[reached])
     _empty(data, group, alone)
-    _take(data, own, group, reached, places)
-    known: dict[str, Any] = {}
-    for name, values in flows.items():
-        there = values[reached + beyond]
-        old = data[name].values if name in data else np.full(there.shape, np.nan)
-        attrs = group[name].attrs if name in group else {}
-        known[name] = (("seed", "axis"), np.where(np.isfinite(there), there, old), attrs)
-    data = data.assign(known) if flows else data
+    _take(data, own | flows, group, reached, places)
     if (ways := leak.ways(data)) in flows:
         for name in _of_ways(data):
-            data[name].values[flows[ways][reached + beyond] == 0.0] = 0.0
+            data[name].values[: len(reached)][flows[ways][reached] == 0.0] = 0.0
     if beyond:
         _close(data, len(reached), shut[beyond])
     apart = 1.0 if flows else _apart(group, reached, places)
@@ -444,8 +437,6 @@ def _defined(run: Run, level: Level, leg: int, scale: Scale, solved: list[int], 
 
 def _take(data: Dataset, own: dict[str, Array], group: Dataset, reached: list[int], places: list[float]) -> None:
     """Put the numbers of a recorded state in the place of those between two steps."""
-    if not own or not reached:
-        return
     taken = {name: numbers[reached] for name, numbers in own.items()}
     for name, of in MADE.items():
         if name in data and of in taken:
@@ -455,6 +446,8 @@ def _take(data: Dataset, own: dict[str, Array], group: Dataset, reached: list[in
                 ratio = np.where(known, made[0], made[1]) / np.where(known, *starred)
             taken[name] = ratio * taken[of]
     for name, there in taken.items():
+        if name not in data:  # a flow that no step has
+            data[name] = ("seed", "axis"), np.full((data.sizes["seed"], len(AXES)), np.nan)
         known = np.isfinite(there)
         data[name].values[: len(reached)][known] = there[known]
 
