@@ -126,12 +126,11 @@ class Curve:
                 last = self.leak[self.leak > 0.0][-1]
                 share = (closed_from - pressures[between]) / (closed_from - open_up_to)
                 value[between], low[between], high[between] = share * last, 0.0, last
-            cubic, error = self._read(logs)
+            cubic, error, ends = self._read(logs)
             known = np.isfinite(cubic)
-            least, most = self._of_steps(logs[known])
             value[known] = np.exp(cubic[known])
-            low[known] = np.maximum(np.exp(cubic[known] - error[known]), least)
-            high[known] = np.minimum(np.exp(cubic[known] + error[known]), most)
+            low[known] = np.maximum(np.exp(cubic[known] - error[known]), ends.min(axis=0)[known])
+            high[known] = np.minimum(np.exp(cubic[known] + error[known]), ends.max(axis=0)[known])
         for array in (value, low, high):
             array[pressures >= closed_from * (1.0 - REACHED)] = 0.0
         return Reading(value, low, high)
@@ -203,8 +202,8 @@ class Curve:
         inner = range(1, x.size - 1)
         return np.array([abs(at_state(np.delete(x, k), np.delete(y, k), x[k])[0] - y[k]) for k in inner])
 
-    def _read(self, logs: Array) -> tuple[Array, Array]:
-        """Return log(leak) and its error at logarithms of pressures; NaN outside the open steps."""
+    def _read(self, logs: Array) -> tuple[Array, Array, Array]:
+        """Return log(leak) and its error at logarithms of pressures, NaN outside the steps, and leaks of both steps."""
         x, y = self._logs
         k = np.clip(np.searchsorted(x, logs) - 1, 0, max(x.size - 2, 0))
         on_step = [(k + side, abs(logs - x[np.minimum(k + side, x.size - 1)]) <= REACHED) for side in (0, 1)]
@@ -217,14 +216,7 @@ class Curve:
             error = np.maximum(measured, np.abs(cubic - at_state(x, y, logs, straight=True)))
         for step, there in on_step:
             cubic[there], error[there] = y[np.minimum(step, x.size - 1)[there]], 0.0
-        return cubic, error
-
-    def _of_steps(self, logs: Array) -> tuple[Array, Array]:
-        """Return the smaller and the larger leak of the two open steps around each pressure."""
-        x, y = self._logs
-        k = np.clip(np.searchsorted(x, logs) - 1, 0, max(x.size - 2, 0))
-        leaks = np.exp(np.stack([y[k], y[np.minimum(k + 1, x.size - 1)]]))
-        return leaks.min(axis=0), leaks.max(axis=0)
+        return cubic, error, np.exp(np.stack([y[k], y[np.minimum(k + 1, x.size - 1)]]))
 
 
 def axes(run: Dataset) -> tuple[str, ...]:
