@@ -262,10 +262,10 @@ def _last_open(fine: Sequence[Loaded], axis: str) -> str:
     name = next((name for name in (FLOW, f"{FLOW}_dry") if name in table), "")
     if len(fine) > 1 or fine[0].leak(axis) != 0.0 or not name:
         return ""
-    leaks = table[name].sel(axis=axis).values[0]
+    leaks = table[name].sel(axis=axis).values
     open_ = np.flatnonzero(leaks > 0.0)
     if not open_.size:
         return "closed at every step"
-    leak, load = float(leaks[open_[-1]]), float(table[load_of(table)][0, open_[-1]])
+    leak, load = float(leaks[open_[-1]]), float(table[load_of(table)][open_[-1]])
     amount = f"{number(leak)} {fine[0].unit(name)}" + (" without fluid pressure" if name.endswith("_dry") else "")
     return f"at the last open step, {fine[0].closing[axis].load(load)}, it leaks {amount}"

@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
-from xarray import Dataset
+from xarray import DataArray, Dataset
 
 from roughvol.analysis.at import LOAD_KINDS, state_at
 from roughvol.analysis.average import Average, average
@@ -80,33 +80,36 @@ class Loaded:
 
     @cached_property
     def loading(self) -> Dataset:
-        """The first leg."""
-        return first_leg(self.table)
+        """The first leg, without dimensions of cases."""
+        return first_leg(self.fields)
+
+    def leaks(self, name: str = FLOW) -> DataArray:
+        """Return a flow along the first leg, T* V*³ without a unit; under fluid pressure that of the dry gap."""
+        dry = "_dry" if is_lifted(self.table) else ""
+        if f"{name}{dry}" in self.loading:
+            return self.loading[f"{name}{dry}"]
+        return self.loading[f"{name.replace(FLOW, 'transmissivity')}{dry}"] * self.loading["free_volume"] ** 3
 
     @cached_property
     def closing(self) -> Mapping[str, Closing]:
         """Where the last way along each axis closes on loading."""
         units = str(self.loading[load_of(self.loading)].attrs.get("units", "1"))
         unit = "" if units == "1" else units
-        return {axis: Closing(tuple(map(self._scaled, spans(self.loading, axis))), unit) for axis in AXES}
+        leg = self.loading.expand_dims("seed")
+        return {axis: Closing(tuple(map(self._scaled, spans(leg, axis))), unit) for axis in AXES}
 
     def _scaled(self, span: Span) -> Span:
         return replace(span, open_up_to=span.open_up_to * self.of_load, closed_from=span.closed_from * self.of_load)
 
     def curve(self, axis: str, name: str = FLOW) -> PchipInterpolator | None:
         """Return the logarithm of a flow of the first leg (`curve_of`), of the dry gap under fluid pressure."""
-        table = first_leg(self.fields)
-        dry = "_dry" if is_lifted(self.table) else ""
-        flow, of_plates = f"{name}{dry}", f"{name.replace(FLOW, 'transmissivity')}{dry}"
-        starred = table[of_plates].sel(axis=axis).values * table["free_volume"].values ** 3
-        leaks = table[flow].sel(axis=axis).values if flow in table else starred
-        loads = table[load_of(table)].values * self.of_load
-        points = dict(zip(loads.tolist(), (leaks * self.of_leak).tolist(), strict=True))
-        if self.leads and not dry and self.state is not None:
-            load = self.number(load_of(table)) * self.of_load
+        leaks, load = self.leaks(name).sel(axis=axis).values * self.of_leak, load_of(self.table)
+        points = dict(zip((self.loading[load].values * self.of_load).tolist(), leaks.tolist(), strict=True))
+        if self.leads and not is_lifted(self.table) and self.state is not None:
+            at = self.number(load) * self.of_load
             # a step that misses the load by the accuracy of a search is the state: the slope between both is noise
-            steps = {p: leak for p, leak in points.items() if not math.isclose(p, load, rel_tol=REACHED)}
-            points = steps | {load: self.leak(axis, name)}
+            steps = {p: leak for p, leak in points.items() if not math.isclose(p, at, rel_tol=REACHED)}
+            points = steps | {at: self.leak(axis, name)}
         return curve_of(points, self.closing[axis].value)
 
     def leak_at(self, axis: str, load: float, name: str = FLOW) -> float:

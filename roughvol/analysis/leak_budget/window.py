@@ -10,7 +10,6 @@ import numpy as np
 from roughvol.analysis.closing import load_of
 from roughvol.analysis.leak import is_lifted
 from roughvol.analysis.leak_budget.state import Loaded, flow_of, gap_of, part_of_surfaces
-from roughvol.analysis.legs import first_leg
 from roughvol.analysis.parts import Part
 from roughvol.ensemble.multilevel import COVERAGE, half_width
 from roughvol.observables.void import quarters
@@ -87,8 +86,7 @@ def window_part_of_load(fine: Sequence[Loaded], axis: str) -> Part:
             return Part("window", math.inf, f"{np.count_nonzero(~np.isfinite(loads))} of {loads.size} do not close")
         words = f"{PERCENT} interval of the mean over {loads.size} surfaces, of logarithms by t"
         return Part("window", math.exp(_half(loads)), words)
-    surface = fine[0]
-    table = first_leg(surface.fields)
+    surface, table = fine[0], fine[0].loading
     starred = f"transmissivity{'_dry' if is_lifted(surface.table) else ''}"
     along = table["quadrant_flow"].sel(axis=axis).dropna("step", how="all") if "quadrant_flow" in table else None
     if along is None or not along.size:

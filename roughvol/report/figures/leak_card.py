@@ -17,7 +17,6 @@ from roughvol.analysis.closing import LOADS
 from roughvol.analysis.leak import STATE
 from roughvol.analysis.leak_budget.state import Loaded, gap_of
 from roughvol.analysis.leak_card import Card
-from roughvol.analysis.legs import first_leg
 from roughvol.gap.transport import conduction
 from roughvol.observables.variables import AXES, SOLVED
 from roughvol.report.card_text import SAME, has_legs
@@ -142,14 +141,10 @@ def _against_load(ax: Axes, card: Card) -> None:
 
 def _family(card: Card) -> Family:
     """Return loads and leaks along the steps of the first leg, surfaces along seed; under fluid pressure dry leaks."""
-    dry = "_dry" if card.lifted else ""
     tables = []
     for surface in card.surfaces:
-        table = first_leg(surface.fields)
-        rate, starred = f"leak_rate{dry}", table[f"transmissivity{dry}"] * table["free_volume"] ** 3
-        leak = table[rate] if rate in table and card.ways[0].unit else starred
-        kept = [name for name in (*LOADS, SOLVED) if name in table]
-        tables.append(table[kept].reset_coords(drop=True).assign(leak=leak.variable))
+        kept = [name for name in (*LOADS, SOLVED) if name in surface.loading]
+        tables.append(surface.loading[kept].reset_coords(drop=True).assign(leak=surface.leaks().variable))
     return Family("", 0.0, looks(1)[0], concat(tables, "seed"))
 
 
