@@ -23,11 +23,10 @@ from __future__ import annotations
 import difflib
 import itertools
 import json
-import math
 import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -210,23 +209,18 @@ def ask(
     load = None if at is None else analysis.read_off.nominal_of(results, level(at))
     if at is not None and unknown == "pressure":
         raise refused(f"the pressure is asked for; the load {level(at).label} belongs to: for modulus or Sq")
-    largest = math.nan
+    largest = None
     if leak_rate is not None:
         of_gas = str(results["gas_leak_rate"].attrs["units"]) if "gas_leak_rate" in results else ""
         largest, wanted = _leak(wanted, str(results["leak_rate"].attrs["units"]), kelvin, of_gas)
-
-    def answered(errors: dict[str, Errors] | None) -> list[Answer]:
-        if leak_rate is None:
-            return analysis.read_off.ask_closed(results, unknown, pressure=load, errors=errors)
-        return analysis.read_off.ask(results, largest, unknown, pressure=load, errors=errors)
-
-    answers = answered(None)
+    answered = partial(analysis.read_off.ask, results, largest, unknown, pressure=load)
+    answers = answered()
     whole, parts = store.variants.study_in(found.dataset), store.variants.parts_of(found.dataset)
     # a study of several combinations would not answer for one, which the changes of a run may choose
     single = whole is None or len(whole.variants) == 1 or (found.has_study and len(parts) == 1)
     narrower = analysis.read_off.narrower(results, answers, closed=leak_rate is None) if single else []
     if budget:
-        answers = answered(_errors(found, answers, jobs, closed=leak_rate is None))
+        answers = answered(errors=_errors(found, answers, jobs, closed=leak_rate is None))
     return ReadOff(found, wanted, unknown, load, tuple(answers), tuple(narrower))
 
 

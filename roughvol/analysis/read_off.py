@@ -127,19 +127,28 @@ class _Needed:
 
 def ask(
     run: Dataset,
-    largest: float,
+    largest: float | None,
     unknown: str,
     *,
     pressure: float | None = None,
     errors: Mapping[str, Errors] | None = None,
 ) -> list[Answer]:
-    """Return where the leak of the leakiest surface falls to a value, along x and y; nothing is solved.
+    """Return where the leak of the leakiest surface falls to a value, or its last way closes, along x and y.
 
-    The run is as `checked` returns it. ``largest`` has the unit of the stored leak rates, ``pressure`` (for modulus and
-    Sq) that of the study. ``errors`` are those of cards by axis, which the intervals then have. A `StudyError` refuses
-    an unknown quantity, a missing pressure, and a surface that yields.
+    Nothing is solved. The run is as `checked` returns it. ``largest`` has the unit of the stored leak rates,
+    ``pressure`` (for modulus and Sq) that of the study. Without ``largest`` the value is the solved closing load, or
+    else that of the first closed step. Without units the pressure is then p*. ``errors`` are those of cards by axis,
+    which the intervals then have. A `StudyError` refuses an unknown quantity, a missing pressure, a surface that
+    yields, and a run that does not follow its ways.
     """
     _check_unknown(run, unknown, pressure)
+    at = pressure or 0.0
+    if largest is None:
+        run = derived(run, study_in(run))
+        if not leak.ways(run) and SOLVED not in run:
+            message = "add closing: true, or percolation: every-step, to its record.transport"
+            raise refused(f"the run does not follow its ways: {message}")
+        return [_answer(run, axis, _closing(run, axis, errors), unknown, at) for axis in axes(run)]
     if unknown == "Sq" and (missing := [name for name in ("transmissivity", "free_volume") if name not in run]):
         raise refused(
             f"the run has no {missing[0]}, so the leak at another Sq is not known; allowed: for pressure or modulus"
@@ -149,7 +158,6 @@ def ask(
     if not largest > 0.0:
         closed = "a closed joint is asked for by --closed, in Python without leak_rate"
         raise refused(f"the leak is {largest:g}; allowed: > 0; {closed}")
-    at = pressure or 0.0
 
     def log_wanted(log_pressures: Array) -> Array:
         """Return log of the largest leak, at p₀ and the Sq that belongs to it."""
@@ -178,22 +186,6 @@ def _load_with_errors(curve: Curve, log_wanted: Callable[[Array], Array], errors
         closed = factor * curve.closing.closed_from
         high = max(load.value, closed if high >= curve.closing.closed_from else min(high, closed))
     return LoadReading(load.value, min(low, load.low), high, load.closing)
-
-
-def ask_closed(
-    run: Dataset, unknown: str, *, pressure: float | None = None, errors: Mapping[str, Errors] | None = None
-) -> list[Answer]:
-    """Return where the last way of any surface closes, along x and y; arguments as for `ask`.
-
-    The value is the solved closing load, or else that of the first closed step. Without units the pressure is p*.
-    """
-    _check_unknown(run, unknown, pressure)
-    run = derived(run, study_in(run))
-    if not leak.ways(run) and SOLVED not in run:
-        raise refused(
-            "the run does not follow its ways: add closing: true, or percolation: every-step, to its record.transport"
-        )
-    return [_answer(run, axis, _closing(run, axis, errors), unknown, pressure or 0.0) for axis in axes(run)]
 
 
 def checked(run: Dataset, *, leaks: bool = True) -> Dataset:
