@@ -202,9 +202,8 @@ def ask(
     found = opened(run, changes)
     wanted = "" if leak_rate is None else str(text_of_value(leak_rate, "leak_rate")).lstrip("<= ")
     results, kelvin = store.variants.of_one_combination(found.dataset), None
-    of_gas_alone = "leak_rate" not in results and "gas_leak_rate" in results
-    if analysis.read_off.is_throughput(wanted) or (leak_rate is not None and of_gas_alone):
-        results, kelvin = analysis.read_off.of_gas(results, unknown)
+    if leak_rate is not None:
+        results, kelvin = analysis.read_off.leaking(results, unknown, wanted)
     results = analysis.read_off.checked(results, leaks=leak_rate is not None)
     load = None if at is None else analysis.read_off.nominal_of(results, level(at))
     if at is not None and unknown == "pressure":
@@ -338,10 +337,7 @@ def creep(
     from roughvol.study import load_creep, read_times
 
     found = opened(run, changes)
-    results = store.variants.of_one_combination(found.dataset)
-    of_gas = "leak_rate" not in results and "gas_leak_rate" in results
-    if of_gas:
-        results, _ = analysis.read_off.of_gas(results, "modulus")
+    results, _ = analysis.read_off.leaking(store.variants.of_one_combination(found.dataset), "modulus")
     results = analysis.read_off.checked(results)
     load = analysis.read_off.nominal_of(results, level(at))
     history = analysis.creep.history(results, load_creep(law), load, read_times(times))
