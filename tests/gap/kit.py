@@ -43,6 +43,14 @@ def floods(void, axis, *, corners=False):
     return False
 
 
+def straits(width):
+    """Return narrow straits between wide lakes."""
+    gap = np.ones((30, 10))
+    gap[[9, 20]] = 0.0
+    gap[9, 2] = gap[20, 7] = width
+    return gap
+
+
 def any_gap(seed):
     """Return a random gap, an axis, and whether the gap is a period: kinds, sizes, closed shares and decades vary."""
     random = np.random.default_rng(seed)

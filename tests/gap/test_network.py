@@ -13,17 +13,9 @@ from roughvol.gap.gas import conduction_of_gas
 from roughvol.gap.multigrid import Conductances, Multigrid, turned
 from roughvol.gap.network import Network, between_reservoirs, faces
 from roughvol.gap.transport import cell_conduction, conduction
-from tests.gap.kit import any_gap, rough
+from tests.gap.kit import any_gap, rough, straits
 
 DIRECT, EVERYTHING, SHIPPED = 200, 10**9, multigrid.DIRECT
-
-
-def straits():
-    """Narrow straits between wide lakes."""
-    gap = np.ones((40, 20))
-    gap[[12, 27]] = 0.0
-    gap[12, 3] = gap[27, 15] = 1e-2
-    return gap
 
 
 PERIOD = rough(0.2, 1, D=2.3, periodic=True)
@@ -32,7 +24,7 @@ FLOWS = {
         f"closed {c}, n = {n}": partial(conduction, rough(c, 1, D=2.3) + (c == 0.0) * 0.01, 0, n)
         for c, n in ((0.0, 3.0), (0.1, 1.0), (0.3, 3.0), (0.38, 3.0))
     },
-    "straits": partial(conduction, straits(), 0),
+    "straits": partial(conduction, straits(1e-2), 0),
     "cell": partial(cell_conduction, PERIOD, 0),
     "period": partial(conduction, PERIOD, 1, periodic=True),
     **{law: partial(conduction_of_gas, PERIOD, 0, law, 0.1, 0.0) for law in ("slip", "kinetic")},

@@ -12,7 +12,7 @@ from roughvol.gap.constriction import constriction
 from roughvol.gap.gas import conduction_of_gas
 from roughvol.gap.quick_estimates import effective_medium, single_junction
 from roughvol.gap.transport import cell_conduction, conduction
-from tests.gap.kit import floods, rough, smooth
+from tests.gap.kit import floods, rough, smooth, straits
 from tests.refused import refusals
 
 RANDOM = np.random.Generator(np.random.PCG64(11))
@@ -239,9 +239,7 @@ def test_a_groove_with_a_ridge_conducts_too_little_by_1e_7_for_each_element():
 
 @pytest.mark.parametrize("narrow", [1e-1, 1e-5])
 def test_lakes_joined_by_narrow_straits_keep_their_flow(narrow):
-    gap = np.ones((30, 10))
-    gap[[9, 20]] = 0.0
-    gap[9, 2] = gap[20, 7] = narrow
+    gap = straits(narrow)
     flow = conduction(gap, 0)
     assert flow.coefficient == pytest.approx(by_elimination(np.where(gap, gap, 1e-60), 3.0), rel=1e-6)
     assert flow.conservation_error < 1e-7
