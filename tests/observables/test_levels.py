@@ -73,10 +73,7 @@ UNDECIDED = {"contact_area_fraction": 0.1 - 1 / 17**2}  # a finite residual leav
         *((FIVE, level, 4, {}, expected) for level, expected in (("step=4", True), ("step=5", False), ("last", False))),
         *((FIVE, f"contact_area={area}", n, UNDECIDED, (n, area) == (5, 0.1)) for n in (4, 5) for area in (0.1, 0.2)),
         *((LISTED, f"pressure={p}", 1, SHORT, p == 0.1) for p in (0.1, 0.11, 0.2)),
-        *(
-            (f"[{LISTED}, {{steps: 1, to: {{pressure: 0.1}}}}]", f"pressure={p}", 1, SHORT, p == 0.1)
-            for p in (0.1, 0.2)
-        ),
+        *((LEGS, f"pressure={p}", 1, SHORT, p == 0.1) for p in (0.1, 0.2)),
     ],
 )
 def test_neither_rounding_nor_the_error_of_a_search_decides_a_level(sweep, level, step, state, expected):

@@ -94,22 +94,16 @@ def test_numbers_of_surface_and_steps_are_their_attributes(stored, surface, cont
         assert_array_equal(stored[name], [getattr(contact, name) for contact in contacts], name)
 
 
-ARGUMENTS = {  # after the gap, and the axis where the number has one
-    "transmissivity": (3.0,),
-    "diffusivity": (1.0,),
-    "estimate_medium_transmissivity": (3.0,),
-    "estimate_medium_diffusivity": (1.0,),
-    "estimate_junction_transmissivity": (3.0,),
-    "estimate_junction_diffusivity": (1.0,),
-}
+POWERS = {"transmissivity": 3.0, "diffusivity": 1.0}  # of the gap, the last argument
 
 
-def test_transport_is_that_of_its_function(stored, contacts):
-    for name, arguments in ARGUMENTS.items():
-        function, last = _resolved(VARIABLES[name].source), stored[name][-1]
+@pytest.mark.parametrize("of", ["", "estimate_medium_", "estimate_junction_"])
+def test_transport_is_that_of_its_function(stored, contacts, of):
+    for kind, power in POWERS.items():
+        function, last = _resolved(VARIABLES[of + kind].source), stored[of + kind][-1]
         for axis, number in enumerate(last.values) if last.dims else [((), last.item())]:
-            value = function(contacts[-1].gap(), *np.atleast_1d(axis).astype(int).tolist(), *arguments)
-            assert number == pytest.approx(getattr(value, "coefficient", value), rel=1e-12), name
+            value = function(contacts[-1].gap(), *np.atleast_1d(axis).astype(int).tolist(), power)
+            assert number == pytest.approx(getattr(value, "coefficient", value), rel=1e-12), kind
 
 
 def test_every_observable_names_what_exists():
