@@ -21,6 +21,7 @@ PIXEL = 0.5
 POINTS = np.column_stack([*(PIXEL * axis.ravel() for axis in np.indices(HEIGHTS.shape)), HEIGHTS.ravel()])
 SHUFFLED = POINTS[np.random.default_rng(0).permutation(len(POINTS))]
 GWYDDION = "# Channel: Topography\n# Width: 3 µm\n# Height: 2.5 µm\n# Value units: nm\n"
+GERMAN = "# Breite: 3 µm\n# Höhe: 2.5 µm\n# Einheiten: nm\n"  # Gwyddion in another language
 ESRI = f"ncols 6\nNROWS 5\nxllcorner 0\nyllcorner 0\ncellsize {PIXEL}\nNODATA_value -9999\n"
 SDF = (
     "aISO-1.0\nManufacID = roughvol\nCreateDate = 010120260000\nModDate = 010120260000\nNumPoints = 6\n"

@@ -38,16 +38,6 @@ def test_heights_size_unit_and_holes_come_back(tmp_path, suffix, unit):
     refused(path, "3 heights are missing or not finite, the first in row 1, column 2")
 
 
-def test_text_that_the_library_would_join_or_cut_is_refused(tmp_path):
-    german = "# Breite: 3 µm\n# Höhe: 2.5 µm\n# Einheiten: nm\n"
-    lines = rows(HEIGHTS.T).splitlines(keepends=True)
-    for text in (
-        german + lines[0] + "*** 1 2 3 4 5\n" + "".join(lines[2:]),
-        german.replace(": 2.5 µm", "") + rows(HEIGHTS.T),
-    ):
-        refused(put(tmp_path / "z.txt", text), r"line 1 is not understood: '# Breite: 3 µm'")
-
-
 @pytest.mark.parametrize("suffix", [".al3d", ".sur", ".x3p", ".hgt", ".nms", ""])
 @pytest.mark.parametrize("size", [0, 2, 512])
 def test_what_no_instrument_wrote_is_refused_by_name(tmp_path, suffix, size):

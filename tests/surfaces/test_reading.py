@@ -13,6 +13,7 @@ import tifffile
 import xarray as xr
 from height_files import (
     ESRI,
+    GERMAN,
     GWYDDION,
     HEIGHTS,
     HOLED,
@@ -124,7 +125,7 @@ CONVERTED = {
     "gwyddion.txt": (GWYDDION + rows(NANOMETRES.T), ""),
     "latin.txt": ((GWYDDION + rows(NANOMETRES.T)).encode("latin-1"), ""),
     "utf-16.txt": ((GWYDDION + rows(NANOMETRES.T)).encode("utf-16"), ""),
-    "german.txt": ("# Breite: 3 µm\n# Höhe: 2.5 µm\n# Einheiten: nm\n" + rows(NANOMETRES.T), ""),
+    "german.txt": (GERMAN + rows(NANOMETRES.T), ""),
     "hw.txt": ("h=5 w=6\npixel size = 5e-7 m\nheight conversion factor (-> m) = 1e-9\n" + rows(NANOMETRES.T), ""),
     "points.csv": ("X [µm];Y [µm];Z [nm]\n" + rows(SHUFFLED * [1, 1, 1e3], ";"), ""),
     "points-below.csv": ("X;Y;Z\nµm;µm;nm\n" + rows(SHUFFLED * [1, 1, 1e3], ";"), ""),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from height_files import GWYDDION, HEIGHTS, HOLED, POINTS, put, refusals_of, refused, rows, same
+from height_files import GERMAN, GWYDDION, HEIGHTS, HOLED, POINTS, put, refusals_of, refused, rows, same
 
 from roughvol.surfaces import length_units
 from roughvol.surfaces.files import reading
@@ -116,6 +116,8 @@ REFUSED = {
         "line 3 is not understood",
     ),
     "both factors.txt": (GWYDDION + "height conversion factor (-> m) = 1e-9\n" + TURNED, "line 5 is not understood"),
+    "mark.txt": (GERMAN + TURNED.replace("\n", "\n*** 1 2 3 4 5\n", 1), f"{UNKNOWN}'# Breite: 3 µm'"),
+    "half a size.txt": (GERMAN.replace(": 2.5 µm", "") + TURNED, f"{UNKNOWN}'# Breite: 3 µm'"),
     "counts.txt": ("h=5 w=7\n" + TURNED, f"{UNKNOWN}'h=5 w=7'"),
     "title.csv": ("a,b,c,d,e\n" + TURNED.replace(" ", ","), f"{UNKNOWN}'a,b,c,d,e'"),
     "latin.txt": (b"# \xb5m\n1 2 3\n", f"{UNKNOWN}'# µm'"),
