@@ -174,6 +174,15 @@ def _saved_blank(figure: Any, saved: Any, file: Any, **options: Any) -> None:
 
 
 @pytest.fixture
+def no_figures() -> Iterator[None]:
+    """Reports without figures."""
+    from tests.kit import without_figures
+
+    with without_figures():
+        yield
+
+
+@pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder, which is the current folder."""
     monkeypatch.chdir(tmp_path)

@@ -5,8 +5,11 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 from click.testing import CliRunner, Result
 
@@ -60,6 +63,14 @@ def ran(name: str, text: str) -> str:
     """Write a study to the current folder and run it; return the output."""
     Path(f"{name}.yaml").write_text(text, encoding="utf-8")
     return said("run", f"{name}.yaml", "--jobs", "1")
+
+
+@contextmanager
+def without_figures() -> Iterator[None]:
+    """Leave the figures out of reports: they take seconds, and are tested once."""
+    of_claims, of_runs = "roughvol.reproduction.sections.drawings", "roughvol.report.page.drawings_of"
+    with mock.patch(of_claims, return_value=()), mock.patch(of_runs, return_value=()):
+        yield
 
 
 def twin(name: str) -> str:

@@ -17,7 +17,9 @@ import pytest
 
 from roughvol.cli import main
 from roughvol.store import stamped_file
-from tests.kit import LEAKING, ran, refused, said
+from tests.kit import LEAKING, ran, refused, said, without_figures
+
+pytestmark = pytest.mark.usefixtures("no_figures")
 
 MAP = LEAKING.replace("{D: 2.3, m: 4, seeds: 1, L: 100 um, Sq: 1 um}", "{file: map.txt, L: 100 um, heights_unit: um}")
 CREEP = ["creep", "tiny", "--law", "creep.yaml", "--at", "pressure=0.2 MPa", "--times", "1 s..1 h"]
@@ -33,7 +35,7 @@ COMMANDS = {
 
 @pytest.fixture(scope="module")
 def computed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    with contextlib.chdir(folder := tmp_path_factory.mktemp("computed")):
+    with contextlib.chdir(folder := tmp_path_factory.mktemp("computed")), without_figures():
         Path("map.yaml").write_text(MAP, encoding="utf-8")
         Path("creep.yaml").write_text("power: {exponent: 0.02, time: 1 s}\n", encoding="utf-8")
         np.savetxt("map.txt", np.random.default_rng(1).normal(size=(17, 17)))

@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
-from unittest import mock
 
 import numpy as np
 import pytest
@@ -752,7 +751,7 @@ def _leak_at(x: np.ndarray, load: np.ndarray, leak: np.ndarray, closes: float) -
 
 def report(made: Made) -> int:
     """The tables of claims.json and report.md, `roughvol report RUN`."""
-    with mock.patch("roughvol.report.page.drawings_of", return_value=()):  # figures are questions of their own
+    with kit.without_figures():  # they are questions of their own
         *_, page = call(made, "report", made.kind.asked).splitlines()
     folder = (made.folder / page).parent
     data = json.loads((folder / "claims.json").read_text(encoding="utf-8"))

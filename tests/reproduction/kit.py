@@ -1,17 +1,15 @@
-"""Forms of a report, and a report without figures: they take seconds, and are tested once."""
+"""Forms of a report, and a report without figures."""
 
 import json
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from unittest import mock
 
 from roughvol.campaign import execution
 from roughvol.report import html, markdown, page
 from roughvol.report.page import Report
 from roughvol.reproduction import sections
 from roughvol.reproduction.judgement import Judgement
+from tests.kit import without_figures
 
 
 def stored(folder: Path, **studies: str) -> dict[str, Path]:
@@ -20,16 +18,6 @@ def stored(folder: Path, **studies: str) -> dict[str, Path]:
         (folder / f"{name}.yaml").write_text(text, encoding="utf-8")
         execution.run(folder / f"{name}.yaml", out=folder / name, jobs=1)
     return {name: folder / name / "study.nc" for name in studies}
-
-
-@contextmanager
-def without_figures() -> Iterator[None]:
-    """Leave the figures out of reports."""
-    with (
-        mock.patch.object(sections, "drawings", return_value=()),
-        mock.patch.object(page, "drawings_of", return_value=()),
-    ):
-        yield
 
 
 def bare(judgement: Judgement) -> Report:

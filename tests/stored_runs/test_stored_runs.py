@@ -16,7 +16,6 @@ from typing import Any
 import pytest
 
 import roughvol
-from roughvol.report import page
 from tests.kit import call, refused, said, succeeded, twin
 from tests.stored_runs.archive import VERSIONS, studies, unpack
 
@@ -34,6 +33,7 @@ EACH = _now(lambda version, name: version not in SAME)
 # Where a question takes seconds: of the versions since the oldest, one run each.
 SOME = _now(lambda version, name: version == OLDEST or (name == "paper" and version not in SAME))
 ENDS = _now(lambda version, name: version == OLDEST or (name == "paper" and version == VERSIONS[-1]))
+pytestmark = pytest.mark.usefixtures("few_samples")  # of the ensembles that go on
 ROUNDING = ("transmissivity_conservation_error",)  # of the order of 1e-16 until 0.14
 # Where a way closes between two steps, 0.11.1 had it closed; since 0.12 its leak falls on a straight line to 0.
 TO_THE_CLOSING = ("leak_rate_x", "transmissivity_x", "open_x", "percolates_x", "critical_gap_x", "critical_opening_x")
@@ -114,11 +114,11 @@ def test_a_run_shows_the_numbers_that_its_version_printed(here: dict[str, Any], 
 
 @pytest.mark.parametrize(("here", "name"), ENDS, indirect=["here"])
 def test_every_question_on_a_run_is_answered(
-    here: dict[str, Any], name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    here: dict[str, Any], name: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     version = Path.cwd().name
     if name != "paper" or version != VERSIONS[-1]:  # the next tests draw figures
-        monkeypatch.setattr(page, "drawings_of", lambda *_: ())
+        request.getfixturevalue("no_figures")
     at = studies(version)[name]["at"]
     results = roughvol.open(name)
     assert results.attrs["roughvol_version"] == version
