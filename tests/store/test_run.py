@@ -177,6 +177,7 @@ def test_a_value_of_a_list_opens_in_any_unit(first: str, same: str) -> None:
         assert said("status", run, "--set", same) == said("status", run, "--set", first)
 
 
+@pytest.mark.usefixtures("no_figures")  # of the report
 def test_the_figures_and_pages_of_a_part_lie_beside_those_of_the_run(many: Path) -> None:
     law = Path("law.yaml")
     law.write_text("power: {exponent: 0.1, time: 1 s}", encoding="utf-8")
