@@ -11,6 +11,7 @@ from roughvol.campaign.case_surface import kernel_on, surface_of
 from roughvol.contact.halfspace import LEAST_PERIOD
 from roughvol.errors import ContactError, DatasetError, Problem, StudyError, SurfaceError
 from roughvol.observables import regions
+from roughvol.observables.levels import starred
 from roughvol.observables.own import register
 from roughvol.study import Case, MadeSurface, Region, Study
 from roughvol.study.plain_data import key_text
@@ -94,8 +95,10 @@ def patch_sides(case: Case) -> tuple[float, float]:
 
 def _check_depth(case: Case, surface: Surface) -> None:
     """Refuse a sweep beyond full contact."""
-    swept = path.starred(case, surface).sweep
-    for (place, _), (_, level) in zip(case.sweep.states(), swept.states(), strict=True):
+    swept = [(place, starred(level, case, surface)) for place, level in case.sweep.states()]
+    for _, level in case.record.levels():  # of a flat surface, a unit is refused
+        starred(level, case, surface)
+    for place, level in swept:
         try:
             path.level_on(level, surface, plastic=case.plastic)
         except ContactError as error:

@@ -151,7 +151,7 @@ def _recorded(case: Case, context: Context) -> Values:
             half_space = half_space_of(surface, kernel_on(surface.spacing, case), context.threads, context.half_spaces)
             large = math.prod(surface.shape) >= checkpoints.NODES
             kept = Checkpoint(file, case, checkpoints.numerics()) if file is not None and large else None
-            values |= _swept(path.starred(case, surface), surface, half_space, kept, context)
+            values |= _swept(case, surface, half_space, kept, context)
     values["wall_time"] = time.perf_counter() - started
     return values
 

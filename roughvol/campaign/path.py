@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-from typing import Any
-
 import numpy as np
 
 from roughvol.contact.bracket import Target
@@ -13,56 +9,14 @@ from roughvol.contact.loading import Compliance, Trials, sweep
 from roughvol.contact.options import Options
 from roughvol.contact.search import first_indentation, indentation_for, state_crossing, state_reaching
 from roughvol.errors import ContactError
-from roughvol.observables.levels import check_touch, end_of, options_of, places_of, searched, target_of
+from roughvol.observables.levels import check_touch, end_of, options_of, places_of, searched, starred, target_of
 from roughvol.observables.reduction import Reduction
 from roughvol.observables.regions import within
-from roughvol.study import STATE_KINDS, Case, Legs, Level, Scale, Sweep
-from roughvol.study.values.state_kinds import Starred
+from roughvol.study import Case, Level, Sweep
 from roughvol.surfaces import texture
 from roughvol.surfaces.surface import Surface
 
 RANGE = 1e3  # p* of the last step over that of the first, of steps in equal ratios
-
-
-def starred(case: Case, surface: Surface) -> Case:
-    """Return a case whose states are starred numbers of its whole surface, at the Sq of the study, if it gives one."""
-    if not (case.sweep.has_units or case.record.has_units):
-        return case
-    area = surface.heights.size * surface.spacing**2
-    Sq = case.height or surface.Sq
-    scale = Scale(case.E_star, surface.side, Sq, area, case.modulus_unit, case.length_unit, case.drive)
-
-    def of(level: Level) -> Level:
-        if level.value is None or level.kind == "step" or "percolation" in level.kind:
-            return level
-        try:
-            return Level(*scale.starred(level.kind, level.value))
-        except ValueError as error:
-            raise ContactError(str(error)) from error
-
-    legs = tuple(_starred(leg, of) for leg in case.sweep.legs)
-    swept = case.sweep.model_copy(update={"root": legs}) if isinstance(case.sweep, Legs) else legs[0]
-    return replace(case, sweep=swept, record=case.record.starred(of))
-
-
-def _starred(leg: Sweep, of: Callable[[Level], Level]) -> Sweep:
-    """Return a leg with starred states."""
-    changed: dict[str, Any] = {}
-    if not isinstance(leg.to, str) and leg.target.value is not None:
-        level = of(leg.target)
-        changed["to"] = type(leg.to).model_construct(None, **{level.kind: _named(level, leg.target)})
-    if leg.listed is not None:
-        levels = [of(level) for level in leg.listed]
-        changed[STATE_KINDS[leg.listed[0].kind].plural] = ()
-        changed[STATE_KINDS[levels[0].kind].plural] = tuple(map(_named, levels, leg.listed))
-    if leg.first is not None:
-        changed["first"] = of(Level("pressure", leg.first)).value
-    return leg.model_copy(update=changed)
-
-
-def _named(level: Level, of_study: Level) -> Starred:
-    """Return the value of a level with the label of the state in the study."""
-    return Starred(level.value or 0.0, of_study.label)
 
 
 class Path:
@@ -106,16 +60,17 @@ class Path:
         if leg.equal == "indentation":
             self.plan = list((begin + (self.end - begin) * np.arange(1, leg.steps + 1) / leg.steps).tolist())
             return
-        high = leg.target.value or 0.0
-        if leg.target.kind != "pressure":
+        target, first = (starred(one, self._case, self._surface) for one in (leg.target, Level("pressure", leg.first)))
+        high = target.value or 0.0
+        if target.kind != "pressure":
             last = next(sweep(self._surface, self._half_space, [self.end], self._options, resume=so_far.states))
             high = float(within(last, self._case).mean_pressure)
-        self.plan = _even(leg, so_far.mean_pressure, high, number)
+        self.plan = _even(leg, so_far.mean_pressure, high, number, first.value)
 
     def _reaching(self, target: Level, so_far: Reduction) -> float:
         """Return Δ/σ at a state on the way from the last one."""
         case, surface, states = self._case, self._surface, so_far.states
-        target = level_on(target, surface, plastic=case.plastic, first=not states)
+        target = level_on(starred(target, case, surface), surface, plastic=case.plastic, first=not states)
         if not states and not case.plastic:
             return self.first(target)
         if not (searched(target, surface) or target.kind.startswith("percolation")):
@@ -183,10 +138,11 @@ def _check_leak(target: Level, goal: Target, trials: Trials) -> None:
 
 def last_indentation(case: Case, surface: Surface, half_space: Compliance) -> float:
     """Return Δ/σ at the end of the first leg: on a plane, at a value given, or where the search for one ends."""
-    return Path(case, surface, half_space).first(level_on(case.sweep.legs[0].target, surface, first=True))
+    target = starred(case.sweep.legs[0].target, case, surface)
+    return Path(case, surface, half_space).first(level_on(target, surface, first=True))
 
 
-def _even(leg: Sweep, low: float, high: float, number: int) -> list[float]:
+def _even(leg: Sweep, low: float, high: float, number: int, first: float | None) -> list[float]:
     """Return p* of the steps of a leg: equal differences, or equal ratios."""
     places = np.arange(1, leg.steps + 1) / leg.steps
     if leg.equal == "pressure":
@@ -194,7 +150,7 @@ def _even(leg: Sweep, low: float, high: float, number: int) -> list[float]:
             raise ContactError(f"leg {number + 1} begins and ends at p* = {high:.6g}: no steps are equal in pressure")
         return list((low + (high - low) * places).tolist())
     if number == 0:
-        low = leg.first or high / RANGE
+        low = first or high / RANGE
         places = np.arange(leg.steps) / max(leg.steps - 1, 1) if leg.steps > 1 else np.ones(1)
     if not (low > 0.0 and high > 0.0):
         raise ContactError(f"equal ratios from p* = {low:.6g} to {high:.6g} on leg {number + 1}; allowed: both > 0")

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from roughvol.campaign import path
 from roughvol.campaign.case_surface import surface_of
+from roughvol.observables import levels
 from roughvol.study import Level, MadeSurface, SpectralSurface, Study, convert
 from roughvol.study.axes import with_endings
 from roughvol.study.values.state_kinds import REACHED
@@ -311,7 +311,7 @@ def foreseen(study: Study, surface: Surface | None = None) -> list[Finding]:
         surface = surface_of(replace(case, D=max(made.dimensions), m=m))
         size = (made.height or surface.Sq) / surface.Sq
     surface = surface or surface_of(case)
-    targets = [level for leg in path.starred(case, surface).sweep.legs for level in leg.goals]
+    targets = [levels.starred(level, case, surface) for leg in case.sweep.legs for level in leg.goals]
     Sdq = size * texture.Sdq(surface.with_neighbours, surface.spacing)
     found = {"Sq": size * surface.Sq, "Sdq": Sdq, "L": surface.side, "peak": surface.peak}
     found["filled"] = surface.filled / surface.heights.size

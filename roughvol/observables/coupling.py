@@ -44,10 +44,10 @@ from roughvol.contact.search import state_under
 from roughvol.errors import ContactError, ConvergenceError
 from roughvol.gap.fluid_pressure import LEAST, FluidField
 from roughvol.gap.transport import conduction
+from roughvol.observables.levels import scale_of
 from roughvol.observables.regions import Values, View, window
 from roughvol.observables.requests import flow_accuracy
 from roughvol.observables.variables import AXES
-from roughvol.study import Scale
 from roughvol.surfaces.surface import Surface
 from roughvol.typing import Array
 
@@ -90,8 +90,7 @@ def of_state(view: View) -> Values:
     case, surface, dry, half_space = view.case, view.surface, view.whole, view.half_space
     asked = case.record.fluid_pressure
     assert asked is not None
-    area = surface.heights.size * surface.spacing**2
-    scale = Scale(case.E_star, surface.side, case.height or surface.Sq, area, case.modulus_unit, case.length_unit)
+    scale = scale_of(case, surface)
     inlet, outlet = (scale.starred("pressure", value)[1] for value in (asked.inlet, asked.outlet))
     inside, accuracy = window(case, surface.shape), flow_accuracy(case.record)
     periodic = view.periodic

@@ -15,8 +15,9 @@ from roughvol.errors import ContactError
 from roughvol.observables import void
 from roughvol.observables.pressures import starred_hardness
 from roughvol.observables.regions import State, window, within
-from roughvol.study import STARRED, Case, Level
+from roughvol.study import STARRED, Case, Level, Scale, Select
 from roughvol.study.values.state_kinds import REACHED, Starred, slack
+from roughvol.study.values.units import unit_of
 from roughvol.surfaces.surface import Surface
 
 LAST = Level("last")
@@ -33,11 +34,30 @@ def end_of(case: Case, target: Level | None = None) -> Callable[[Contact], bool]
     return lambda contact: void.stops_percolating(target.kind, within(contact, case))
 
 
-def reached(level: Level, step: int, contact: State, case: Case, before: Mapping[str, float] | None = None) -> bool:
+def scale_of(case: Case, surface: Surface) -> Scale:
+    """Return what turns numbers with units into starred ones of the whole surface, at the Sq of the study, if any."""
+    area, Sq = surface.heights.size * surface.spacing**2, case.height or surface.Sq
+    return Scale(case.E_star, surface.side, Sq, area, case.modulus_unit, case.length_unit, case.drive)
+
+
+def starred(level: Level, case: Case, surface: Surface) -> Level:
+    """Return a level with a unit as a starred number, which has the label of the level; other levels as they are."""
+    if unit_of(level.value) is None:
+        return level
+    try:
+        kind, value = scale_of(case, surface).starred(level.kind, level.value or 0.0)
+    except ValueError as error:
+        raise ContactError(str(error)) from error
+    return Level(kind, Starred(value, level.label), level.leg)
+
+
+def reached(
+    level: Level, step: int, contact: State, case: Case, surface: Surface, before: Mapping[str, float] | None = None
+) -> bool:
     """Return whether a state is at or beyond a level. The last step is at the end of the sweep by definition."""
     if level.leg is not None:
-        return before is not None and crossed(level, step, contact, case, before)
-    if is_defined(level, step, case):
+        return before is not None and crossed(level, step, contact, case, surface, before)
+    if is_defined(level, step, case, surface):
         return True
     if level.value is None:
         return False
@@ -50,15 +70,17 @@ def reached(level: Level, step: int, contact: State, case: Case, before: Mapping
     return found <= level.value + near if kind.falls else found >= level.value - near
 
 
-def on_legs(by_label: Mapping[str, Level], case: Case) -> dict[str, Level]:
-    """Return levels by label, on every leg of the path where the study asks for that."""
+def on_legs(asked: Iterable[Level], case: Case, surface: Surface) -> dict[str, Level]:
+    """Return starred levels by label, kind by kind, on every leg of the path where the study asks for that."""
+    kinds = [*Select.model_fields, LAST.kind]
+    found = sorted((starred(level, case, surface) for level in asked), key=lambda level: kinds.index(level.kind))
     legs = range(2, len(case.sweep.legs) + 1) if case.record.all_legs else ()
-    states = [level for level in by_label.values() if level.value is not None and level.kind != "step"]
-    further = [replace(level, leg=leg) for leg in legs for level in states]
-    return {**by_label, **{level.label: level for level in further}}
+    states = [level for level in found if level.value is not None and level.kind != "step"]
+    found += [replace(level, leg=leg) for leg in legs for level in states]
+    return {level.label: level for level in found}
 
 
-def crossed(level: Level, step: int, contact: State, case: Case, before: Mapping[str, float]) -> bool:
+def crossed(level: Level, step: int, contact: State, case: Case, surface: Surface, before: Mapping[str, float]) -> bool:
     """Return whether a level of a further leg lies between the state before and this one, or at one of them.
 
     A leg begins at the end of the leg before: a level there is of both legs.
@@ -66,7 +88,7 @@ def crossed(level: Level, step: int, contact: State, case: Case, before: Mapping
     number, place = places_of(case)[step - 1]
     if number + 1 != level.leg:
         return False
-    if is_defined(level, step, case):
+    if is_defined(level, step, case, surface):
         return True
     name, value = STARRED[level.kind].stored, level.value or 0.0
     one, other = before[name] - value, float(getattr(contact, name)) - value
@@ -75,7 +97,7 @@ def crossed(level: Level, step: int, contact: State, case: Case, before: Mapping
     return one * other <= 0.0 or (at_begin and abs(one) <= near) or (at_end and abs(other) <= near)
 
 
-def is_defined(level: Level, step: int, case: Case) -> bool:
+def is_defined(level: Level, step: int, case: Case, surface: Surface) -> bool:
     """Return whether a leg defines a level at a step, as its end or a listed state; "last" is the end of the last leg.
 
     The search for a listed state may end short of it, by less than answers see.
@@ -83,7 +105,9 @@ def is_defined(level: Level, step: int, case: Case) -> bool:
     if level == LAST:
         return step == case.sweep.steps
     number, place = places_of(case)[step - 1]
-    return case.sweep.legs[number].step_of(replace(level, leg=None)) == place
+    leg = case.sweep.legs[number]
+    goals = dict(enumerate(leg.listed)) if leg.listed else {leg.steps - 1: leg.target}
+    return place in goals and starred(goals[place], case, surface).same(replace(level, leg=None))
 
 
 def places_of(case: Case) -> list[tuple[int, int]]:
@@ -189,7 +213,7 @@ def closing(axis: str, step: int, between: Between) -> Contact | None:
     case, surface, half_space, *_, after = between
     level = Level(f"percolation-{axis}")
     if void.stops_percolating(level.kind, within(after, case)):
-        return after if is_defined(level, step, case) else at_level(level, between)
+        return after if is_defined(level, step, case, surface) else at_level(level, between)
     if step < case.sweep.legs[0].steps or case.plastic:
         return None
     trials = Trials(surface, half_space, _coarse(options_of(case, surface)))
@@ -219,7 +243,7 @@ def check_touch(level: Level, case: Case, surface: Surface, untouched: Contact) 
     """Refuse a sweep to a free volume or a separation that is not below that of the first touch."""
     most = _at_touch(level, case, surface, untouched)
     if (level.value or 0.0) >= most:
-        named = isinstance(level.value, Starred) and case.length_unit is not None
+        named = (case.sweep.has_units or case.record.has_units) and case.length_unit is not None
         length = f" = {most * (case.height or surface.unit):.6g} {case.length_unit}" if named else ""
         allowed = f"below {most:.6g} σ{length}, that of the first touch"
         message = f"{level.label} lies before the first touch; allowed: {allowed}"

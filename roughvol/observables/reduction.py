@@ -64,7 +64,7 @@ class Reduction:
         self._case, self._surface, self._half_space = case, surface, half_space
         self.steps = 0  # states taken in
         self.states: list[Mapping[str, Any]] = []  # the last two, as `Contact.state` returns them
-        levels = {name: by and on_legs(by, case) for name, by in asked(case.record).items()}
+        levels = {name: some and on_legs(some, case, surface) for name, some in asked(case.record).items()}
         self._along = {name: by for name, by in levels.items() if not OBSERVABLES[name].dim}
         self._at = {name: by or {} for name, by in levels.items() if OBSERVABLES[name].dim}
         every = {level for by in self._at.values() for level in by.values()}
@@ -97,7 +97,7 @@ class Reduction:
 
         def first(name: str, label: str, level: Level) -> bool:
             """Return whether this state is the first to reach a level."""
-            return label not in self._kept[name] and reached(level, step, view.state, self._case, before)
+            return label not in self._kept[name] and reached(level, step, view.state, self._case, self._surface, before)
 
         for name, levels in self._along.items():
             hit = [label for label, level in (levels or {}).items() if first(name, label, level)]
@@ -147,7 +147,7 @@ class Reduction:
 
     def _solved(self, level: Level, step: int, whole: Contact) -> Contact:
         """Return the state at a level between this step and the step before."""
-        if level.value is None or level.kind == "step" or is_defined(level, step, self._case):
+        if level.value is None or level.kind == "step" or is_defined(level, step, self._case, self._surface):
             return whole
         with self._counted():
             return at_level(level, self._between(whole))

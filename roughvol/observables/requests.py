@@ -22,22 +22,21 @@ def value_of(record: Record, key: str) -> Any:
     return part
 
 
-def asked(record: Record) -> dict[str, dict[str, Level] | None]:
-    """Return, for each requested observable, its levels by label; None for every step."""
+def asked(record: Record) -> dict[str, tuple[Level, ...] | None]:
+    """Return, for each requested observable, its levels; None for every step."""
     states = {
         name: value_of(record, row.key) if row.key else row.states for name, row in OBSERVABLES.items() if row.of_state
     }
-    return {name: _by_label(some) for name, some in states.items() if some}
+    return {name: _levels(some) for name, some in states.items() if some}
 
 
-def _by_label(states: Any) -> dict[str, Level] | None:
+def _levels(states: Any) -> tuple[Level, ...] | None:
     if states is True or states == EVERY_STEP or isinstance(states, Mapping):
         return None
-    levels = states.levels if isinstance(states, Select) else (Level(states),)
-    return {level.label: level for level in levels}
+    return states.levels if isinstance(states, Select) else (Level(states),)
 
 
-def timed(record: Record) -> dict[str, dict[str, Level] | None]:
+def timed(record: Record) -> dict[str, tuple[Level, ...] | None]:
     """Return the requested observables that take time worth a line."""
     return {name: levels for name, levels in asked(record).items() if OBSERVABLES[name].seconds}
 
@@ -70,7 +69,7 @@ def fields_of(record: Record) -> int:
 def searched_levels(case: Case) -> list[Level]:
     """Return the levels whose state is searched for, each once, and those at which ways close."""
     states = (levels for name, levels in asked(case.record).items() if OBSERVABLES[name].dim)
-    levels = {level for by_label in states for level in (by_label or {}).values()}
+    levels = {level for some in states for level in some or ()}
     searched = (*TARGETS, "mean_gap", "load", *(("indentation", "separation") if case.endless else ()))
     closing = [Level("percolation")] * len(AXES) if value_of(case.record, "transport.closing") else []
     return closing + [level for level in levels if level.kind in searched and level != case.sweep.target]

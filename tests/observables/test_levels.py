@@ -78,7 +78,7 @@ UNDECIDED = {"contact_area_fraction": 0.1 - 1 / 17**2}  # a finite residual leav
 )
 def test_neither_rounding_nor_the_error_of_a_search_decides_a_level(sweep, level, step, state, expected):
     (case,) = loads(f"surface: {{D: 2.4, m: 4, seeds: 1}}\nsweep: {sweep}").cases()
-    assert reached(parse(level), step, SimpleNamespace(**state), case) is expected
+    assert reached(parse(level), step, SimpleNamespace(**state), case, surface_of(case)) is expected
 
 
 def test_what_is_stored_belongs_to_the_state_and_lies_between_the_steps():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -233,13 +233,3 @@ class Record(Strict):
         """Yield the steps and levels of quantities, each with its place in the study."""
         for path, select in self.selects.items():
             yield from select.placed("record", *path)
-
-    def starred(self, of: Callable[[Level], Level]) -> Record:
-        """Return the record with all levels as starred numbers."""
-        record = self
-        for (name, *inner), select in self.selects.items():
-            new: Any = select.starred(of)
-            if inner:
-                new = getattr(record, name).model_copy(update={inner[0]: new})
-            record = record.model_copy(update={name: new})
-        return record

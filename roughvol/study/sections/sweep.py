@@ -7,7 +7,7 @@ V*, ``pressure`` p* = mean(p) L/(E* σ); ``mean_gap`` and ``load`` always have o
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -24,7 +24,7 @@ from pydantic import (
 from roughvol.errors import nearest_word
 from roughvol.study.plain_data import KeyPath
 from roughvol.study.sections.strict import Choice, Strict, default, optional, refuse_at
-from roughvol.study.values.state_kinds import LISTS, OF_ALL, STATE_KINDS, Level, Starred
+from roughvol.study.values.state_kinds import LISTS, OF_ALL, STATE_KINDS, Level
 from roughvol.study.values.types import AS_TUPLE, WHOLE, AreaFraction, Many, Positive, StepNumber, Word, refuse
 from roughvol.study.values.units import Flow, Gap, In, Length, Load, Position, Pressure, in_unit, text_of, unit_of
 
@@ -79,17 +79,6 @@ class Select(Levels):
     free_volume: Many[Positive] = levels_of("V* > 0, reached from above")
     mean_gap: Many[Gap] = levels_of("the mean gap, as 1 um, reached from above")
     load: Many[Load] = levels_of(f"the load on the whole surface, as 20 N; {OF_ALL}")
-
-    def starred(self, of: Callable[[Level], Level]) -> Select:
-        """Return the same states as starred numbers, each with its label in the study."""
-        values: dict[str, tuple[float, ...]] = {}
-        for level in self.levels:
-            if level.value is None:
-                return self
-            new = of(level)
-            value = new.value if unit_of(level.value) is None else Starred(new.value or 0.0, level.label)
-            values[new.kind] = (*values.get(new.kind, ()), value or 0.0)
-        return type(self).model_construct(None, **values)
 
 
 Selector = Annotated[Select, Word("last")]
