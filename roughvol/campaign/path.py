@@ -9,7 +9,7 @@ from roughvol.contact.loading import Compliance, Trials, sweep
 from roughvol.contact.options import Options
 from roughvol.contact.search import first_indentation, indentation_for, state_crossing, state_reaching
 from roughvol.errors import ContactError
-from roughvol.observables.levels import check_touch, end_of, options_of, places_of, searched, starred, target_of
+from roughvol.observables.levels import check_touch, end_of, options_of, places_of, starred, target_of
 from roughvol.observables.reduction import Reduction
 from roughvol.observables.regions import within
 from roughvol.study import Case, Level, Sweep
@@ -73,7 +73,7 @@ class Path:
         target = level_on(starred(target, case, surface), surface, plastic=case.plastic, first=not states)
         if not states and not case.plastic:
             return self.first(target)
-        if not (searched(target, surface) or target.kind.startswith("percolation")):
+        if not target.searched(endless=surface.endless):
             return _plane(target, surface)
         options, goal = self._options, target_of(target, case, surface)
         largest = options.hardness
@@ -112,7 +112,7 @@ class Path:
         predicate = end_of(case, target)
         if predicate is not None:
             return first_indentation(surface, half_space, predicate, options)
-        if not searched(target, surface):
+        if not target.searched(endless=surface.endless):
             return _plane(target, surface)
         kind, value = target.kind, target.value or 0.0
         if kind in ("indentation", "separation"):

@@ -114,7 +114,7 @@ def searches(leg: Sweep, case: Case) -> int:
     """Return the number of states of a leg that are searched for."""
     levels = list(leg.goals)
     levels += [Level("pressure")] * (leg.steps if leg.equal != "indentation" else 0)
-    return sum(case.endless or level.searched for level in levels)
+    return sum(case.endless or level.searched(endless=False) for level in levels)
 
 
 def observable_seconds(case: Case) -> dict[str, float]:

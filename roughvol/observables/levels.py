@@ -121,15 +121,6 @@ def options_of(case: Case, surface: Surface) -> Options:
     return Options(solver.tolerance, solver.method, pressure_error=solver.pressure_error, hardness=hardness)
 
 
-def searched(level: Level, surface: Surface) -> bool:
-    """Return whether the indentation of a level is searched for. Indentation and separation follow on a free patch."""
-    return (
-        level.kind in TARGETS
-        or level.kind.startswith(("leak_rate", "percolation"))
-        or (surface.endless and level.kind in ("indentation", "separation"))
-    )
-
-
 def target_of(level: Level, case: Case, surface: Surface) -> Target:
     """Return the quantity of a level that is searched for, with its value, in the region of the study.
 
@@ -182,7 +173,7 @@ def at_level(level: Level, between: Between) -> Contact:
     options = options_of(case, surface)
     options = _coarse(options) if level.kind.startswith("percolation") else options
     falls = bool(earlier) and after.approach < earlier[-1]["indentation"]
-    if searched(level, surface):
+    if level.searched(endless=surface.endless):
         target = target_of(level, case, surface)
         target = replace(target, value=target.value * (1.0 + (ROUNDING if falls else -ROUNDING)))
         if falls and not target.measure(after) <= target.value:

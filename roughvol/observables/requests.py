@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from roughvol.contact.search import TARGETS
 from roughvol.gap.network import ACCURACY
 from roughvol.observables.variables import AXES, OBSERVABLES, Observable
 from roughvol.study import EVERY_STEP, Case, Level, Record, Select
@@ -70,6 +69,5 @@ def searched_levels(case: Case) -> list[Level]:
     """Return the levels whose state is searched for, each once, and those at which ways close."""
     states = (levels for name, levels in asked(case.record).items() if OBSERVABLES[name].dim)
     levels = {level for some in states for level in some or ()}
-    searched = (*TARGETS, "mean_gap", "load", *(("indentation", "separation") if case.endless else ()))
     closing = [Level("percolation")] * len(AXES) if value_of(case.record, "transport.closing") else []
-    return closing + [level for level in levels if level.kind in searched and level != case.sweep.target]
+    return closing + [level for level in levels if level.searched(endless=case.endless) and level != case.sweep.target]

@@ -113,11 +113,10 @@ class Level:
             return False
         return math.isclose(self.value, in_unit(other.value, unit), rel_tol=ROUNDING)
 
-    @property
-    def searched(self) -> bool:
-        """Whether the indentation of the state is searched for on a free patch."""
+    def searched(self, *, endless: bool) -> bool:
+        """Return whether the indentation of the state is searched for. On a free patch, lengths and planes give it."""
         kind = STATE_KINDS.get(self.kind)
-        return self.kind.startswith("percolation") or (kind is not None and kind.search)
+        return self.kind.startswith("percolation") or (kind is not None and (kind.search or endless))
 
     def lacking(self, modulus_unit: str | None, length_unit: str | None) -> str:
         """Return which unit of the study the value with its unit needs and the study lacks, empty if none."""
