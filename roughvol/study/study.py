@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from pydantic import PrivateAttr, SerializationInfo, ValidationInfo, model_serializer, model_validator
 
@@ -190,7 +190,7 @@ class Study(StudyFile):
 
     def sample(self, D: float, m: int, seed: int) -> Case:
         """Return the case of one surface of an ensemble."""
-        return self._first.of_seed(D, m, seed)
+        return self.cases()[0].of_seed(D, m, seed)
 
     def changed(self, **keys: Any) -> Study:
         """Return this study with other keys, as ``**{"surface.m": 7}``, checked as a file; None is the default."""
@@ -210,21 +210,6 @@ class Study(StudyFile):
         warn(map(str, former), RoughvolDeprecation)
         return study
 
-    @functools.cached_property
-    def _first(self) -> Case:
-        return self.cases()[0]
-
-    @functools.cached_property
-    def _text(self) -> str:
-        return write(self._stored())
-
-    def __copy__(self) -> Self:
-        """Return a copy without what is cached: other fields may take the place of its fields."""
-        copied = super().__copy__()
-        for name in copied.__dict__.keys() - type(self).model_fields:
-            del copied.__dict__[name]
-        return copied
-
     def to_yaml(self) -> str:
         """Return the study as YAML with every default; `loads` of it gives an equal study."""
         return write(self.model_dump(mode="json"))
@@ -234,7 +219,7 @@ class Study(StudyFile):
 
         ``loads(text, stored=True)`` reads it without the height files.
         """
-        return self._text
+        return write(self._stored())
 
     def of_each_case(self) -> str:
         """Return `stored` with a number of seeds in place of 0, 1, 2 …: thousands of case files hold this text."""
