@@ -11,8 +11,6 @@ from pydantic import (
     BeforeValidator,
     Discriminator,
     Field,
-    PlainSerializer,
-    PlainValidator,
     Tag,
     WithJsonSchema,
     model_serializer,
@@ -23,7 +21,7 @@ from roughvol.study.plain_data import KeyPath, number_text
 from roughvol.study.sections.dimensional import Dimensional, FluidPressure, LeakRate
 from roughvol.study.sections.strict import Choice, Strict, default, optional
 from roughvol.study.sections.sweep import IN_WORDS, Select, Selector
-from roughvol.study.values.own import OwnQuantity, own
+from roughvol.study.values.own import Own
 from roughvol.study.values.state_kinds import Level
 from roughvol.study.values.types import TWO, WHOLE, AreaFraction, Fraction, Many, Switch, Word, refuse
 from roughvol.study.values.units import RISING, unit_of
@@ -157,12 +155,6 @@ class RegionWidths(Strict):
     transmissivity: States | None = optional(f"states of the transmissivity, x and y: {_WHEN}")
 
 
-Own = Annotated[
-    dict[str, OwnQuantity],
-    PlainValidator(own),
-    PlainSerializer(lambda given: {name: quantity.target for name, quantity in given.items()}),
-    WithJsonSchema({"type": "object", "minProperties": 1, "additionalProperties": {"type": "string"}}),
-]
 INTERIOR = (("x", (0.25, 0.75)), ("y", (0.25, 0.75)))  # the central half of each side
 
 

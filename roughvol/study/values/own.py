@@ -21,12 +21,11 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import entry_points
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import ValidationError
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic import BeforeValidator, PlainSerializer, PlainValidator, WithJsonSchema
 
-from roughvol.study.values.types import REFUSED, refuse
+from roughvol.study.values.types import refuse
 
 GROUP = "roughvol.observables"
 """Entry points of installed packages; a study takes one by its name, in place of ``module:function``."""
@@ -79,26 +78,34 @@ def function_of(target: str) -> Callable[[Any], Any]:
     return function
 
 
-def own(value: Any) -> dict[str, OwnQuantity]:
-    """Return the quantities of the plain data of a study, {name: target}."""
+def _some(value: Any) -> Any:
+    """Refuse plain data that names no quantity."""
     if not isinstance(value, dict) or not value:
         refuse("must be a mapping of names to functions, as {example}", example="{my_number: my_module:my_function}")
-    found, wrong = dict[str, OwnQuantity](), list[InitErrorDetails]()
-    for name, target in value.items():
-        if not isinstance(name, str) or not _NAME.fullmatch(name):
-            wrong.append(_refused(name, name, "is no name; allowed: small letters, digits and _, a letter first"))
-            continue
-        if not isinstance(target, str) or not _TARGET.fullmatch(target):
-            wrong.append(_refused(name, target, "is no function; allowed: module:function"))
-            continue
-        with contextlib.suppress(Exception):  # a stored run is read without its functions; a run needs them
-            found[name] = OwnQuantity(target, str(getattr(function_of(target), "version", "")))
-        found.setdefault(name, OwnQuantity(target))
-    if wrong:
-        raise ValidationError.from_exception_data("Study", wrong)
-    return found
+    return value
 
 
-def _refused(name: Any, given: Any, message: str) -> InitErrorDetails:
-    """Return the error of a validator at a name."""
-    return InitErrorDetails(type=PydanticCustomError(REFUSED, message), loc=(str(name),), input=given)
+def _name(value: Any) -> str:
+    if not isinstance(value, str) or not _NAME.fullmatch(value):
+        refuse("is no name; allowed: small letters, digits and _, a letter first")
+    return value
+
+
+def _quantity(target: Any) -> OwnQuantity:
+    """Return the quantity of a target."""
+    if not isinstance(target, str) or not _TARGET.fullmatch(target):
+        refuse("is no function; allowed: module:function")
+    with contextlib.suppress(Exception):  # a stored run is read without its functions; a run needs them
+        return OwnQuantity(target, str(getattr(function_of(target), "version", "")))
+    return OwnQuantity(target)
+
+
+Own = Annotated[
+    dict[
+        Annotated[str, PlainValidator(_name)],
+        Annotated[OwnQuantity, PlainValidator(_quantity), PlainSerializer(lambda quantity: quantity.target)],
+    ],
+    BeforeValidator(_some),
+    WithJsonSchema({"type": "object", "minProperties": 1, "additionalProperties": {"type": "string"}}),
+]
+"""The quantities of a study by name."""
