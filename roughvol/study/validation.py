@@ -5,6 +5,7 @@ A message has the key, the value given, and the allowed values.
 
 from __future__ import annotations
 
+import copy
 import functools
 import itertools
 import operator
@@ -113,18 +114,22 @@ class _Repair:
         if self.context is not None:
             self.context[ABSENT] = True
         faults = {plain_path(item["loc"], self.data): item for item in error.errors(include_url=False)}
+        self.data = copy.deepcopy(self.data)
         for path in sorted(faults, key=lambda path: [(isinstance(part, int), part) for part in path], reverse=True):
             item = faults[path]
             if is_absent(item) and self.context is not None:
                 continue
             if not path:
                 return False
-            if isinstance(path[-1], int):
-                listed = functools.reduce(operator.getitem, path[:-1], self.data)
-                del self.items.setdefault(self.place(path[:-1]), list(range(len(listed))))[path[-1]]
+            *holders, last = path
+            holder = functools.reduce(operator.getitem, holders, self.data)
+            if isinstance(last, int):
+                del self.items.setdefault(self.place(path[:-1]), list(range(len(holder))))[last]
             elif item["type"] != "extra_forbidden":
                 self.keys.add(path)
-            self.data = _without(self.data, path)
+            del holder[last]
+            if path == ("surface",):
+                holder[last] = ANY_SURFACE
         return True
 
     def place(self, path: KeyPath) -> KeyPath:
@@ -134,19 +139,6 @@ class _Repair:
             left = self.items.get(given)
             given = (*given, left[part] if left is not None and isinstance(part, int) else part)
         return given
-
-
-def _without(data: Any, path: KeyPath) -> Any:
-    """Return plain data without a key or an item; a surface is replaced."""
-    first, *rest = path
-    new = data.copy()
-    if rest:
-        new[first] = _without(data[first], tuple(rest))
-    else:
-        del new[first]
-        if first == "surface":
-            new[first] = ANY_SURFACE
-    return new
 
 
 def in_words(item: Mapping[str, Any]) -> str:
@@ -229,10 +221,9 @@ def _unknown(path: KeyPath, data: Any, of: Models) -> tuple[str, str | None]:
     key, models = str(path[-1]), of[tuple(part for part in path[:-1] if isinstance(part, str))]
     known = names(*models)
     if key in known:  # a key of the other form of the mapping
-        for part in path[:-1]:
-            data = data[part]
+        holder = functools.reduce(operator.getitem, path[:-1], data)
         owner = next(model for model in models if key in model.model_fields)
-        rivals = [f"'{name}'" for name in data if name in known and name not in owner.model_fields]
+        rivals = [f"'{name}'" for name in holder if name in known and name not in owner.model_fields]
         needed = [f"'{name}'" for name, field in owner.model_fields.items() if field.is_required()]
         return f"excluded by {' and '.join(rivals)}" if rivals else f"needs {' and '.join(needed)}", None
     if path[-2:-1] == ("to",) and key in LISTS:
