@@ -11,20 +11,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    PlainSerializer,
-    PrivateAttr,
-    SerializationInfo,
-    ValidationInfo,
-    WithJsonSchema,
-    field_validator,
-    model_serializer,
-    model_validator,
-)
+import pydantic
+from pydantic import Field
 
 from roughvol.study.plain_data import is_file, printable
 from roughvol.study.sections.strict import Strict, default, optional, refuse_at
@@ -72,7 +60,7 @@ class Located(str):
         return Path(self.written).name if Path(self.written).is_absolute() else self.written
 
 
-def _located(value: str, info: ValidationInfo) -> str:
+def _located(value: str, info: pydantic.ValidationInfo) -> str:
     """Return the absolute path of an existing height file; of a stored study, the text."""
     context = info.context or {}
     if context.get("stored"):
@@ -90,7 +78,7 @@ def is_absent(error: Mapping[str, Any]) -> bool:
     return "path" in error.get("ctx", {}) and error["msg"] == NO_FILE.format(**error["ctx"])
 
 
-def _matching(value: Any, info: ValidationInfo) -> list[str]:
+def _matching(value: Any, info: pydantic.ValidationInfo) -> list[str]:
     """Return the files of a list, or those that a pattern matches, by name; relative to the study file."""
     if isinstance(value, list | tuple) and value:
         return list(value)
@@ -112,14 +100,13 @@ def _matching(value: Any, info: ValidationInfo) -> list[str]:
     return [str(path if pattern.is_absolute() else path.relative_to(folder)) for path in found]
 
 
-def _path_text(value: str, info: SerializationInfo) -> str:
+def _path_text(value: str, info: pydantic.SerializationInfo) -> str:
     """Return the absolute path; for stored studies, the portable text."""
     stored = bool((info.context or {}).get("stored"))
     return value.portable if stored and isinstance(value, Located) else str(value)
 
 
-WrittenPath = Annotated[str, PlainSerializer(_path_text)]
-HeightPath = Annotated[WrittenPath, AfterValidator(_located)]
+HeightPath = Annotated[str, pydantic.PlainSerializer(_path_text), pydantic.AfterValidator(_located)]
 
 
 def _number(value: Any) -> Any:
@@ -128,7 +115,9 @@ def _number(value: Any) -> Any:
 
 
 Variable = Annotated[
-    str, BeforeValidator(_number), WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "integer", "minimum": 0}]})
+    str,
+    pydantic.BeforeValidator(_number),
+    pydantic.WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "integer", "minimum": 0}]}),
 ]
 _FILES = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
 
@@ -156,7 +145,7 @@ class Outliers(Strict):
     sigma: Annotated[float, Field(ge=3, le=1000)] = default(
         6.0, "distance from the local median in robust standard deviations of the map, 3 to 1000"
     )
-    window: Annotated[int, Field(ge=3, le=101), WHOLE, AfterValidator(_odd)] = default(
+    window: Annotated[int, Field(ge=3, le=101), WHOLE, pydantic.AfterValidator(_odd)] = default(
         5, "nodes a side of the neighbourhood, odd, 3 to 101"
     )
 
@@ -185,10 +174,10 @@ def _one_or_several(schema: dict[str, Any]) -> None:
 class HeightFile(Sized):
     """A surface from a height file, or the sum of two that face each other."""
 
-    model_config = ConfigDict(json_schema_extra=_one_or_several)
+    model_config = pydantic.ConfigDict(json_schema_extra=_one_or_several)
 
     file: HeightPath = Field(description=f"{_FILE}; several: files")
-    files: Annotated[tuple[HeightPath, ...], AS_TUPLE, WithJsonSchema(_FILES)] = default(
+    files: Annotated[tuple[HeightPath, ...], AS_TUPLE, pydantic.WithJsonSchema(_FILES)] = default(
         (), "instead of file: a pattern as scans/*.al3d, or a list, each file a case; all of one length and unit"
     )
     L: Length | None = optional(
@@ -216,11 +205,11 @@ class HeightFile(Sized):
     )
     sides: Sides = default("mirrored", SIDES)
     against: CounterBody | None = optional("{file, variable, mirror}: second of two rough bodies; heights are added")
-    _unitless: bool = PrivateAttr(default=False)
+    _unitless: bool = pydantic.PrivateAttr(default=False)
 
-    @model_validator(mode="before")
+    @pydantic.model_validator(mode="before")
     @classmethod
-    def _found(cls, data: Any, info: ValidationInfo) -> Any:
+    def _found(cls, data: Any, info: pydantic.ValidationInfo) -> Any:
         """Give the first of several files as the file."""
         if not isinstance(data, dict) or data.get("files") is None:
             return data
@@ -229,7 +218,7 @@ class HeightFile(Sized):
             refuse("'files' excludes 'file': give one of them")
         return {**data, "file": files[0], "files": files}
 
-    @field_validator("files")
+    @pydantic.field_validator("files")
     @classmethod
     def _of_several_names(cls, value: tuple[str, ...]) -> tuple[str, ...]:
         names = [Path(file).name for file in value]
@@ -237,7 +226,7 @@ class HeightFile(Sized):
             refuse("two files have one name, and cases are labelled by it: {names}", names=", ".join(twice))
         return value
 
-    @model_serializer(mode="wrap")
+    @pydantic.model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> Any:
         """Write either the one file or all of several."""
         data = handler(self)

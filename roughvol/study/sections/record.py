@@ -5,17 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    Discriminator,
-    Field,
-    Tag,
-    WithJsonSchema,
-    model_serializer,
-    model_validator,
-)
+import pydantic
+from pydantic import Field
 
 from roughvol.study.plain_data import KeyPath, number_text
 from roughvol.study.sections.dimensional import Dimensional, FluidPressure, LeakRate
@@ -38,9 +29,9 @@ def _share(value: Any) -> Any:
 
 FlowAccuracy = Annotated[
     float,
-    BeforeValidator(_share),
+    pydantic.BeforeValidator(_share),
     Field(ge=1e-12, le=0.1),
-    WithJsonSchema(
+    pydantic.WithJsonSchema(
         {"anyOf": [{"type": "number", "minimum": 1e-12, "maximum": 0.1}, {"type": "string", "pattern": "%"}]}
     ),
 ]
@@ -72,7 +63,7 @@ class Psd(Strict):
 
     at: Selector | None = optional(f"states under load to take it at: {IN_WORDS}; default: before load alone")
 
-    @model_serializer
+    @pydantic.model_serializer
     def _plain(self) -> Any:
         return True if self.at is None else {"at": self.at}
 
@@ -86,15 +77,15 @@ def _tag_states(value: Any) -> str:
 
 def _named(value: Any) -> Any:
     """Refuse values that name no states."""
-    if not isinstance(value, dict | BaseModel) and value not in (EVERY_STEP, "last"):
+    if not isinstance(value, dict | pydantic.BaseModel) and value not in (EVERY_STEP, "last"):
         refuse("must be '{every}', 'last', or levels as {example}", every=EVERY_STEP, example="{pressure: [0.1]}")
     return value
 
 
 States = Annotated[
-    Annotated[Literal["every-step"], Tag("<every>")] | Annotated[Selector, Tag("<states>")],
-    Discriminator(_tag_states),
-    BeforeValidator(_named),
+    Annotated[Literal["every-step"], pydantic.Tag("<every>")] | Annotated[Selector, pydantic.Tag("<states>")],
+    pydantic.Discriminator(_tag_states),
+    pydantic.BeforeValidator(_named),
 ]
 _WHEN = f"'{EVERY_STEP}', {IN_WORDS}"
 
@@ -110,7 +101,7 @@ class Transport(Choice):
     cell_transmissivity: States | None = optional(f"flow of a liquid through an endless periodic plane: {_WHEN}")
     gas_flow: States | None = optional(f"flow of the gas of the section fluid, x and y, also at flux_at: {_WHEN}")
     estimates: States | None = optional(f"both coefficients by effective medium and by single junction: {_WHEN}")
-    closing: Annotated[bool | None, AfterValidator(lambda given: given or None)] = optional(
+    closing: Annotated[bool | None, pydantic.AfterValidator(lambda given: given or None)] = optional(
         "load at which the last way along x and y closes on loading, solved between the steps or beyond: true or false"
     )
     flux_at: Selector | None = optional(f"flux of a liquid as fields: {IN_WORDS}")
@@ -118,7 +109,7 @@ class Transport(Choice):
         "allowed relative error of a flow, 1e-12 to 0.1, or as 0.1 %; default: 1e-4"
     )
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _asks_for_something(self) -> Transport:
         quantities = [name for name in type(self).model_fields if name != "accuracy"]
         if not any(self.named.get(name) for name in quantities):

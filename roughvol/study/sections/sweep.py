@@ -10,16 +10,8 @@ import itertools
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    ConfigDict,
-    Discriminator,
-    Field,
-    RootModel,
-    Tag,
-    field_validator,
-    model_serializer,
-    model_validator,
-)
+import pydantic
+from pydantic import Field
 
 from roughvol.errors import nearest_word
 from roughvol.study.plain_data import KeyPath
@@ -37,7 +29,7 @@ def levels_of(quantity: str) -> Any:
 class Levels(Choice):
     """The last state, or levels of one or more quantities."""
 
-    @field_validator("*")
+    @pydantic.field_validator("*")
     @classmethod
     def _once(cls, values: tuple[float, ...]) -> tuple[float, ...]:
         """Take a state once, as 0.5 MPa beside 500 kPa."""
@@ -47,7 +39,7 @@ class Levels(Choice):
             found.setdefault(value if unit_of(value) is None else f"{in_unit(value, unit):.12g}", value)
         return tuple(found.values())
 
-    @model_serializer(mode="wrap")
+    @pydantic.model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> Any:
         return super()._plain(handler) or "last"
 
@@ -91,7 +83,7 @@ PressureOrZero = Annotated[float, Field(ge=0), In("pressure")]
 class Target(Choice):
     """The last state of a sweep, by a starred value, or by one with its unit."""
 
-    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+    model_config = pydantic.ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
     percolation: Literal["x", "y", "both"] | None = optional("end without an open way along 'x', 'y' or 'both'")
     indentation: LengthOrZero | None = optional("end at this Δ/σ > 0, or Δ as 2 um; 0 on a later leg: no contact")
@@ -107,7 +99,7 @@ class Target(Choice):
     leak_rate_x: Flow | None = optional("end where the leak rate along x has fallen to this")
     leak_rate_y: Flow | None = optional("end where the leak rate along y has fallen to this")
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _one_state(self) -> Target:
         if len(self.named) != 1:
             refuse("must name exactly one of {known}", known=", ".join(type(self).model_fields))
@@ -129,9 +121,9 @@ def _tag_to(value: Any) -> str:
 
 
 End = Annotated[
-    Annotated[Literal["mean-plane", "summit-plane"], Tag("<plane>")]
-    | Annotated[Target, Word(PERCOLATION, (("percolation", "both"),), PLANES), Tag("<state>")],
-    Discriminator(_tag_to),
+    Annotated[Literal["mean-plane", "summit-plane"], pydantic.Tag("<plane>")]
+    | Annotated[Target, Word(PERCOLATION, (("percolation", "both"),), PLANES), pydantic.Tag("<state>")],
+    pydantic.Discriminator(_tag_to),
 ]
 _ENDS = (
     "last state: mean-plane (d = 0), summit-plane (at the mean height of the summits), percolation (no open way left), "
@@ -179,7 +171,7 @@ class Sweep(Strict):
     mean_gaps: Many[Gap] = _listed("falling mean gaps, as 1 um")
     leak_rates: Many[Flow] = _listed("falling leak rates, as 1e-3 mm^3/s")
 
-    @model_validator(mode="before")
+    @pydantic.model_validator(mode="before")
     @classmethod
     def _steps_of_a_list(cls, data: Any) -> Any:
         """Give the number of steps and the last state that follow from a list of states."""
@@ -194,7 +186,7 @@ class Sweep(Strict):
         values = data[name] if isinstance(data[name], list | tuple) else [data[name]]
         return {**data, "steps": len(values), "to": {LISTS[name].name: values[-1]}}
 
-    @model_validator(mode="after")
+    @pydantic.model_validator(mode="after")
     def _in_order(self) -> Sweep:
         if self.listed is not None:
             _check_order(self.listed)
@@ -202,7 +194,7 @@ class Sweep(Strict):
             refuse("'first' needs equal: log pressure")
         return self
 
-    @model_serializer(mode="wrap")
+    @pydantic.model_serializer(mode="wrap")
     def _plain(self, handler: Any) -> Any:
         """Write a list of states alone, and none where there is none."""
         data = handler(self)
@@ -263,10 +255,10 @@ class Sweep(Strict):
         return self.steps - 1 if self.target.same(level) else None
 
 
-class Legs(RootModel[tuple[Sweep, ...]]):
+class Legs(pydantic.RootModel[tuple[Sweep, ...]]):
     """A path of legs, up and down."""
 
-    model_config = ConfigDict(strict=True, frozen=True)
+    model_config = pydantic.ConfigDict(strict=True, frozen=True)
     root: Annotated[tuple[Sweep, ...], AS_TUPLE, Field(min_length=1, max_length=100)] = Field(
         description="list of legs {steps, to}, each from the end of the one before"
     )
