@@ -18,18 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from roughvol.errors import DatasetError, SurfaceError
-from roughvol.surfaces.files import instrument, netcdf, plain_text, simple_field, surfer, text_map, tiff
-from roughvol.surfaces.files.description import (
-    EXTRA,
-    Description,
-    HeightMap,
-    NotRead,
-    Request,
-    array_name,
-    first_bytes,
-    map_shape,
-    reading,
-)
+from roughvol.surfaces.files import description, instrument, netcdf, plain_text, simple_field, surfer, text_map, tiff
+from roughvol.surfaces.files.description import Description, HeightMap, NotRead, Request
 from roughvol.typing import Array
 
 MAX_BYTES = 1 << 32  # like MAX_NODES far above the size of any contact problem
@@ -71,12 +61,12 @@ def read(
 @contextlib.contextmanager
 def _opened(path: Path, variable: str | None, columns: str | None, ignore_header: bool) -> Iterator[HeightMap]:
     """Open the map in a file, by its content."""
-    with reading(path), tiff.damage() as damaged, contextlib.ExitStack() as files:
+    with description.reading(path), tiff.damage() as damaged, contextlib.ExitStack() as files:
         size = path.stat().st_size
         if size > MAX_BYTES:
             raise DatasetError(f"has {size} bytes; allowed: at most {MAX_BYTES}")
         height_map = _by_content(Request(path, variable, columns, ignore_header, files))
-        map_shape(height_map.description.shape)
+        description.map_shape(height_map.description.shape)
         sides, source = height_map.description.sides, height_map.description.source
         if sides is not None and not ignore_header and not all(0.0 < side < math.inf for side in sides):
             raise SurfaceError(f"{source} makes sides of {sides[0]:g} by {sides[1]:g}; allowed: finite and above 0")
@@ -100,7 +90,7 @@ def _by_content(request: Request) -> HeightMap:
         return _array(request.files.enter_context(path.open("rb")))
     if suffix == ".npz":
         return _npz(request)
-    start = first_bytes(path, len(netcdf.HDF5))
+    start = description.first_bytes(path, len(netcdf.HDF5))
     if suffix in netcdf.ENDINGS or start.startswith(netcdf.CLASSIC) or (suffix == GRID and start == netcdf.HDF5):
         return netcdf.opened(request)
     if surfer.is_grid(path):
@@ -137,18 +127,18 @@ def _text(request: Request) -> HeightMap:
             if lossy and not (isinstance(refused, NotRead) and _is_whole(request.path, other.description)):
                 raise refused
         except Exception as error:
-            if isinstance(refused, NotRead) and EXTRA in str(error):
-                raise NotRead(f"{refused}; for headers of other programs: {EXTRA}") from None
+            if isinstance(refused, NotRead) and description.EXTRA in str(error):
+                raise NotRead(f"{refused}; for headers of other programs: {description.EXTRA}") from None
             raise refused from None
         return other
     request.refuse_variable()
     return height_map
 
 
-def _is_whole(path: Path, description: Description) -> bool:
+def _is_whole(path: Path, described: Description) -> bool:
     """Return whether a reader that passes over unknown lines found size, unit and all numbers."""
     numbers = plain_text.table(plain_text.split(path))
-    return bool(description.sides and description.unit) and numbers.size == math.prod(description.shape)
+    return bool(described.sides and described.unit) and numbers.size == math.prod(described.shape)
 
 
 def _checked(array: NDArray[Any], holes: bool) -> Array:
@@ -192,12 +182,12 @@ def _npz(request: Request) -> HeightMap:
         if name.endswith(".npy"):  # the headers alone: other arrays may be large
             with archive.open(name) as stream:
                 shapes[name.removesuffix(".npy")] = _header_shape(stream)
-    chosen = array_name(request.variable, shapes)
+    chosen = description.array_name(request.variable, shapes)
     return _array(request.files.enter_context(archive.open(f"{chosen}.npy")), chosen)
 
 
 def _array(stream: IO[bytes], name: str = "") -> HeightMap:
-    shape = map_shape(_header_shape(stream))
+    shape = description.map_shape(_header_shape(stream))
 
     def heights() -> NDArray[Any]:
         stream.seek(0)
