@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field, PlainSerializer, PlainValidator, WithJsonSchema, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, PlainSerializer, PlainValidator, WithJsonSchema, model_validator
 
 from roughvol.study.plain_data import KeyPath, number_text
 from roughvol.study.sections.strict import Choice, default, optional, refuse_at
@@ -76,9 +76,8 @@ def _accuracy(value: Any) -> Accuracy:
     return Accuracy(share, f"{number_text(round(100.0 * share, 12))} %")
 
 
-def _absolute(value: Any) -> Accuracy:
-    """Return the accuracy of a logarithm, which is no share."""
-    width = _accuracy(value)
+def _absolute(width: Accuracy) -> Accuracy:
+    """Refuse a share as the accuracy of a logarithm."""
     if width.relative:
         refuse("must be a number > 0, as 0.05 for 12 % of the leak: a share of a logarithm is no share of the leak")
     return width
@@ -90,13 +89,8 @@ HalfWidth = Annotated[
     PlainSerializer(plain_form),
     WithJsonSchema({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"type": "string", "pattern": PERCENT}]}),
 ]
-
-
 LogHalfWidth = Annotated[
-    Accuracy,
-    PlainValidator(_absolute),
-    PlainSerializer(plain_form),
-    WithJsonSchema({"type": "number", "exclusiveMinimum": 0}),
+    HalfWidth, AfterValidator(_absolute), WithJsonSchema({"type": "number", "exclusiveMinimum": 0})
 ]
 
 
