@@ -197,10 +197,10 @@ class Batch:
         later: float = 0.0,
         names: Mapping[str, str] | None = None,
     ) -> None:
-        self._folder, self._study, self._kept, self._control = folder, study, kept, control
-        self._surface = surface
+        self._folder, self._study, self._control, self._surface = folder, study, control, surface
         works = {case.id: expected_seconds(case) for case in cases}
         self._steps = {case.id: case.sweep.steps for case in cases}
+        self._now = Progress(cases=kept + len(cases), kept=kept, steps=sum(self._steps.values()))
         self._forecast = forecast or Forecast()
         self._forecast.expect(works, self._steps, later)
         self._expected = sum(works.values())
@@ -209,7 +209,7 @@ class Batch:
         often = Counter(named.values())
         self._names = {id: name if often[name] == 1 else id for id, name in named.items()}
         self._reached: dict[str, int] = {}  # steps of the cases at work
-        self._steps_done, self._done = 0, 0  # of the cases that have ended
+        self._steps_done = 0  # of the cases that have ended
         self._failures: dict[str, BaseException] = {}
         self._versions = {__version__}  # of this process and of the workers
         self._noted = -math.inf
@@ -241,13 +241,12 @@ class Batch:
             )
         finally:
             stamped_file.remove_leftovers(self._folder / "cases")
-        if self._done + len(self._failures) < len(tasks):
+        if self._now.done + self._now.failed < len(tasks):
             raise KeyboardInterrupt
         if self._failures:
             lines = [f"{id}: {_text(error)}" for id, error in self._failures.items()]
-            total = self._kept + len(tasks)
-            others = "" if len(lines) == total else "; the others are kept"
-            message = "\n".join([f"{len(lines)} of {total} cases failed{others}", *lines])
+            others = "" if len(lines) == self._now.cases else "; the others are kept"
+            message = "\n".join([f"{len(lines)} of {self._now.cases} cases failed{others}", *lines])
             raise CampaignError(message) from BaseExceptionGroup("failed", list(self._failures.values()))
 
     def _processes(self, jobs: int) -> tuple[int, bool]:
@@ -284,11 +283,12 @@ class Batch:
             error = self._stored(case, result)
         self._forecast.ended(case.id)
         if error is None:
-            self._done += 1
+            self._now = replace(self._now, done=self._now.done + 1)
             self._steps_done += self._steps[case.id]
             self._tell(f"{self._names[case.id]}: done")
         else:
             self._failures[case.id] = error
+            self._now = replace(self._now, failed=len(self._failures))
             run_folder.record_failure(self._folder, case.id, _text(error), type(error).__name__)
             self._tell(f"{self._names[case.id]}: FAILED, {_text(error)}")
         self._note()
@@ -311,19 +311,9 @@ class Batch:
 
     def _tell(self, event: str = "", notice: str = "") -> None:
         """Report the progress to the caller of the run."""
-        progress = Progress(
-            cases=self._kept + len(self._cases),
-            kept=self._kept,
-            done=self._done,
-            failed=len(self._failures),
-            steps=sum(self._steps.values()),
-            steps_done=self._steps_done + sum(self._reached.values()),
-            work=self._forecast.share,
-            event=event,
-            notice=notice,
-            left=self._forecast.left(),
-        )
-        self._control.on_event(progress)
+        steps, share, left = self._steps_done + sum(self._reached.values()), self._forecast.share, self._forecast.left()
+        now = replace(self._now, steps_done=steps, work=share, left=left, event=event, notice=notice)
+        self._control.on_event(now)
 
     def _note(self) -> None:
         """Update progress.json if the last update is old enough."""
