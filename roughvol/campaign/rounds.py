@@ -57,7 +57,7 @@ class Rounds:
             later = self._later(design)
             sample_plan.store(self._folder, design.counts)
             surfaces = surfaces_alone(request.surfaces)
-            design.add(self._computed(request.cases, later) if request.cases else {}, surfaces)
+            design.add(request, self._computed(request.cases, later) if request.cases else {}, surfaces)
             self._interval = answer.progress(design.estimates)
             count = len(self._cases)
             done, event = count - self._kept, f"{count} samples"
@@ -111,7 +111,7 @@ def collected(study: Study, folder: Path, cases: Mapping[str, Case], found: Fini
         if absent := sum(case.id not in found.arrays for case in request.cases):
             missing = f"{absent} of {len(request.cases)} samples of a round are missing"
             return results.assign_attrs(answer=f"no answer yet: {missing}; a run of the study goes on")
-        design.add(found.arrays, surfaces_alone(request.surfaces))
+        design.add(request, found.arrays, surfaces_alone(request.surfaces))
     return _with_answer(results, design)
 
 

@@ -2,7 +2,7 @@
 
     design = Design(study, step_errors)
     while request := design.next():
-        design.add(arrays of request.cases, numbers of request.surfaces)
+        design.add(request, arrays of request.cases, numbers of request.surfaces)
 
 The design estimates the means from all samples after a round, and plans the samples of the next one. The plan follows
 from stored numbers in the order of the seeds. It is therefore the same on every machine. Only a budget uses a clock.
@@ -60,7 +60,6 @@ class Design:
         self.estimates: Estimates = {}
         self.rounds: dict[float, list[tuple[float, tuple[float, ...]]]] = {D: [] for D in self.table.dimensions}
         self.stopped = ""
-        self._request = Request([], [])
 
     def next(self, spent: float = 0.0) -> Request | None:
         """Return the samples of the next round after so many seconds; None once the means are accurate enough.
@@ -76,12 +75,11 @@ class Design:
                 raise CampaignError(f"the accuracy was not reached in {ROUNDS} rounds")
             self.counts = counts
         surfaces = [case for D in self.counts for case in self.table.missing_surfaces(D, self._alone(D))]
-        self._request = Request(self.table.missing(self.counts), surfaces)
-        return self._request
+        return Request(self.table.missing(self.counts), surfaces)
 
-    def add(self, arrays: Mapping[str, Arrays], numbers: Iterable[tuple[float, ...]]) -> None:
+    def add(self, request: Request, arrays: Mapping[str, Arrays], numbers: Iterable[tuple[float, ...]]) -> None:
         """Add the stored arrays of the requested cases by id, and `samples.numbers_of` the requested surfaces."""
-        self.table.add_all(self._request, arrays, numbers)
+        self.table.add_all(request, arrays, numbers)
         self.estimates = {D: estimates_of(self.table, D, self.steps.errors) for D in self.table.dimensions}
         for D, estimates in self.estimates.items():
             self.rounds[D].append((self.table.cost(D), tuple(estimate.mean.half_width for estimate in estimates)))

@@ -127,12 +127,8 @@ class SampleTable:
         words = f"; m = {case.m} is a coarser level of the estimate at m = {self.finest}" * (case.m < self.finest)
         with each_problem(lambda one: replace(one, message=f"{one.message}{words}")):
             values = np.array([target.value(series, case) for target in self.targets])
-        sample = Sample(
-            values,
-            np.array([_solver_error(arrays, target) for target in self.targets]),
-            cost_of(case, arrays),
-        )
-        self.samples.setdefault((case.D, case.m), []).append(sample)
+        errors = np.array([_solver_error(arrays, target) for target in self.targets])
+        self.samples.setdefault((case.D, case.m), []).append(Sample(values, errors, cost_of(case, arrays)))
 
 
 def numbers_of(surface: Surface) -> tuple[float, ...]:

@@ -24,7 +24,7 @@ def driven(
     """Return a design after its last round."""
     design = Design(study, rounds.step_errors(study) if steps is None else steps)
     while request := design.next(seconds()):
-        design.add(compute(request.cases), alone(request.surfaces))
+        design.add(request, compute(request.cases), alone(request.surfaces))
     return design
 
 
