@@ -47,8 +47,9 @@ class MeanEstimate:
     mean: Mean  # on the finest level
     plan: Plan  # optimal chain of levels and its samples
     costs: tuple[float, ...]  # mean modelled seconds of a sample, by level
-    links: Mapping[tuple[int, int], Link]  # regressions between levels
     level_means: tuple[float, ...]
+    level_variances: tuple[float, ...]  # over surfaces
+    residual_variances: tuple[float, ...]  # about the regression on the coarser level; all of it on the coarsest
     correlations: tuple[float, ...]  # Pearson's ρ of each level with the next coarser one
     interpolation_error: float  # between steps
     solver_error: float  # certified bound; 0 without one
@@ -76,20 +77,6 @@ class MeanEstimate:
         return self.interpolation_error <= SHARE * self.requested
 
     @property
-    def level_variances(self) -> tuple[float, ...]:
-        """Variance over surfaces on each level."""
-        return tuple(multilevel.level_variance(self.links, chain, self.alone) for chain in self._chains)
-
-    @property
-    def residual_variances(self) -> tuple[float, ...]:
-        """Variance of each level about its regression on the coarser one; all of it on the coarsest."""
-        return tuple(self.links[chain[-1], chain[-2] if len(chain) > 1 else -1].alone for chain in self._chains)
-
-    @property
-    def _chains(self) -> list[tuple[int, ...]]:
-        return [multilevel.nearest_chain(self.links, level) for level in range(len(self.costs))]
-
-    @property
     def plain_cost(self) -> float:
         """Modelled seconds of plain Monte Carlo on the finest level, for the same accuracy."""
         return allocation.plain_cost(self.level_variances[-1], self.costs[-1], self.target.half_width(self.mean.value))
@@ -112,8 +99,9 @@ def _estimate(table: SampleTable, D: float, number: int, costs: tuple[float, ...
         mean,
         plan,
         costs,
-        links,
         level_means,
+        tuple(multilevel.level_variance(links, chain, alone) for chain in chains),
+        tuple(links[chain[-1], chain[-2] if len(chain) > 1 else -1].alone for chain in chains),
         tuple(multilevel.correlation(fine, coarse) for coarse, fine in itertools.pairwise(values)),
         step_error * target.accuracy.of(mean.value),
         float(np.max([sample.solver_errors[number] for level in table.of(D) for sample in level])),
