@@ -153,7 +153,7 @@ def _bare(study: Study, kind: str) -> list[float]:
         return []
     states = _goals(study)
     states.append(Level("pressure", study.sweep.legs[0].first))
-    states += [level for select in study.record.selects.values() for level in select.levels]
+    states += [level for _, level in study.record.levels()]
     states += study.ensemble.at.levels if study.ensemble is not None else ()
     return sorted({level.value for level in states if level.kind == kind and level.value and not unit_of(level.value)})
 

@@ -195,17 +195,6 @@ class Record(Strict):
         return None if self.dimensional is None else self.dimensional.leak_rate
 
     @property
-    def selects(self) -> dict[tuple[str, ...], Select]:
-        """The states of each key that selects some."""
-        found: dict[tuple[str, ...], Select] = {}
-        for name, value in self:
-            if isinstance(value, Select):
-                found[name,] = value
-            elif isinstance(value, Strict):
-                found |= {(name, inner): select for inner, select in value if isinstance(select, Select)}
-        return found
-
-    @property
     def has_units(self) -> bool:
         """Whether anything but `dimensional` has a unit."""
         if self.fluid_pressure is not None and self.fluid_pressure.has_units:
@@ -214,5 +203,10 @@ class Record(Strict):
 
     def levels(self) -> Iterator[tuple[KeyPath, Level]]:
         """Yield the steps and levels of quantities, each with its place in the study."""
-        for path, select in self.selects.items():
-            yield from select.placed("record", *path)
+        for name, value in self:
+            if isinstance(value, Select):
+                yield from value.placed("record", name)
+            elif isinstance(value, Strict):
+                for inner, select in value:
+                    if isinstance(select, Select):
+                        yield from select.placed("record", name, inner)
