@@ -15,7 +15,6 @@ from .reading import of_data as of_data
 from .sections.creep import Creep as Creep
 from .sections.creep import load_creep as load_creep
 from .sections.creep import read_times as read_times
-from .sections.dimensional import Dimensional as Dimensional
 from .sections.ensemble import CLOSING as CLOSING
 from .sections.ensemble import Accuracy as Accuracy
 from .sections.ensemble import Ensemble as Ensemble
@@ -32,6 +31,7 @@ from .sections.material import ContactModulus as ContactModulus
 from .sections.material import YoungPoisson as YoungPoisson
 from .sections.record import EVERY_STEP as EVERY_STEP
 from .sections.record import BoxCounting as BoxCounting
+from .sections.record import Dimensional as Dimensional
 from .sections.record import Record as Record
 from .sections.record import Region as Region
 from .sections.record import RegionWidths as RegionWidths

@@ -17,10 +17,9 @@ from pydantic import BaseModel
 from roughvol.errors import meant
 from roughvol.study.file import StudyFile
 from roughvol.study.plain_data import KeyPath, number_text
-from roughvol.study.sections.dimensional import Dimensional
 from roughvol.study.sections.ensemble import AUTO_TO, CLOSING, FEWEST_LEVELS, RECORDED_BY, Accuracies
 from roughvol.study.sections.height_file import HEIGHT_FORMATS, HeightFile
-from roughvol.study.sections.record import EVERY_STEP, Record, Region
+from roughvol.study.sections.record import EVERY_STEP, Dimensional, Record, Region
 from roughvol.study.sections.solver import PAPER_MAX_M, FreeKernel, NamedKernel
 from roughvol.study.sections.strict import names
 from roughvol.study.sections.surface import FEWEST, SPECTRAL, GeneratedSurface, SpectralSurface
