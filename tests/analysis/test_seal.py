@@ -780,9 +780,14 @@ def test_a_table_has_the_number_of_its_sheets(here: Path) -> None:
     assert "the median of 300 sheets" in said("show", "wide", "--at", AT)
 
 
-def test_ways_across_a_single_row_play_no_part_in_the_closing_load(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("seeds", "shape"), [(2, "12 mm, width: 0.5 mm"), (2, "0.5 mm, width: 2 mm"), (1, "12 mm, width: 2 mm")]
+)
+def test_ways_across_play_no_part_in_the_closing_load_of_a_row_a_column_or_one_map(
+    seeds: int, shape: str, tmp_path: Path
+) -> None:
     """A way along x stays open up to the hardness."""
-    text = TEXT.replace("seeds: 3", "anisotropy: 4, seeds: 2").replace("width: 2 mm", "width: 0.5 mm, flow: y")
+    text = TEXT.replace("seeds: 3", f"anisotropy: 4, seeds: {seeds}").replace("12 mm, width: 2 mm", f"{shape}, flow: y")
     text = text.replace("10 MPa}", "10 MPa, hardness: 0.12 MPa}").replace("every-step}", "every-step, closing: true}")
     study = loads(text.replace(SWEEP, "pressures: [0.002 MPa, 0.08 MPa]"))
     found = roughvol.card(study, "pressure=0.002 MPa", out=tmp_path, jobs=1)

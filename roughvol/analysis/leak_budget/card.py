@@ -193,7 +193,7 @@ def _closing_of_seal(
     loads = np.array([[[surface.closing[axis].value for axis in patch.axes]] for surface in fine])
     several = len(fine) > 1
     turned = isotropic and several
-    if patch.patches[0] == 1 and not turned:  # no joint leads across
+    if (not several or 1 in patch.patches) and not turned:  # no joint leads across, or all patches are one
         loads[..., 1] = loads[..., 0]
     if is_lifted(fine[0].table) or not (loads > 0.0).all():
         return seal.Estimate(math.nan, math.nan, math.nan), ()
