@@ -42,7 +42,7 @@ from roughvol.analysis.tables import number
 from roughvol.ensemble.multilevel import COVERAGE, half_width
 from roughvol.errors import DatasetError, StudyError
 from roughvol.gap import sheet
-from roughvol.observables.variables import QUANTITIES
+from roughvol.observables.variables import AXES, QUANTITIES
 from roughvol.store.dataset import Dataset
 from roughvol.study import Region, Seal, Study
 from roughvol.study.sections.seal import WHOLE, check_alike, unevenness
@@ -289,6 +289,16 @@ class Patch:
         """Return whether each of several patches may be turned: x and y are made alike, or flows do not differ."""
         return (self.made_alike and len(surfaces) > 1) or is_isotropic([ratios(surface) for surface in surfaces])
 
+    def counted(self, numbers: Array, *, isotropic: bool) -> Array:
+        """Return numbers (..., surfaces, 2) along x and y; those along the flow for both if no way across counts.
+
+        So it is in a row, in a column, and where all patches are one surface.
+        """
+        several = numbers.shape[-2] > 1
+        if several and (isotropic or 1 not in self.patches):
+            return numbers
+        return numbers[..., [AXES.index(self.seal.flow)] * 2]
+
     @property
     def squares(self) -> float:
         """Length of the seal over its width."""
@@ -346,7 +356,7 @@ def with_leaks(study: Study | None, surfaces: Dataset, states: Dataset) -> Datas
         leaks = states[name].transpose(..., "seed", "axis")
         several = leaks.ndim > 2
         draws = patch.draws_of_many if several else DRAWS
-        states_of = leaks.values.reshape(-1, *leaks.shape[-2:])
+        states_of = patch.counted(leaks.values.reshape(-1, *leaks.shape[-2:]), isotropic=alike)
         loads = states["mean_pressure"] * states["Sq"]
         spread = loads.max("seed") - loads.min("seed") <= ONE_LOAD * abs(loads).max("seed")
         have_one = spread.transpose(*leaks.dims[:-2]).values.ravel() | (states_of == 0.0).all(axis=(1, 2))
@@ -370,7 +380,7 @@ def median(patch: Patch, leaks: Array, *, isotropic: bool, in_units: bool = True
     A leak of 0 is NaN too where a patch is not known: it may be open. A gas goes the same way: between two pressures
     its throughput goes with p², and G of viscous flow is that of the liquid.
     """
-    known = known_of(patch.conductances(leaks, in_units=in_units))
+    known = known_of(patch.conductances(patch.counted(leaks, isotropic=isotropic), in_units=in_units))
     if not len(known):
         return math.nan
     found = conductance_of(known[:, np.newaxis], patch.patches, isotropic=isotropic and len(known) > 1, draws=draws)

@@ -495,11 +495,14 @@ def test_one_map_without_a_roll_off_has_a_leak_and_no_interval(here: Path) -> No
         )
 
 
-def test_a_seal_has_no_known_leak_beyond_a_sweep_that_ended_closed_along_one_axis(tmp_path: Path) -> None:
-    card, of_seal = _card(ALONE.replace("to: percolation", "to: {percolation: x}"), AT, tmp_path)
+def test_a_seal_of_one_map_is_closed_beyond_a_sweep_that_ended_closed_along_the_flow(tmp_path: Path) -> None:
+    text = ALONE.replace("to: percolation", "to: {percolation: x}")
+    card, of_seal = _card(text, AT, tmp_path)
     assert [way.leak.value for way in card.ways] == pytest.approx([0.0, math.nan], nan_ok=True)
-    assert of_seal.plain()["leak"] is None
-    assert "no open surface is pressed to this load" in card_text.seal(of_seal)
+    assert of_seal.leak == 0.0
+    assert of_seal.closing == card.ways[0].closing.value
+    state = roughvol.run(loads(text), jobs=1, out=tmp_path / "run").roughvol.at(AT)
+    assert state.seal_leak_rate.item() == 0.0
 
 
 def test_patches_at_different_pressures_make_no_seal(tmp_path: Path) -> None:

@@ -123,7 +123,7 @@ def _seal(fine: Sequence[Loaded], ways: Sequence[Way]) -> SealLeak | None:
     flow = next(way for way in ways if way.axis == patch.seal.flow)
     units = bool(flow.unit)
     isotropic = patch.is_isotropic(tables)
-    leaks = np.array([[surface.leak(axis) for axis in AXES] for surface in fine])
+    leaks = patch.counted(np.array([[surface.leak(axis) for axis in AXES] for surface in fine]), isotropic=isotropic)
     loads = np.array([float(surface.table["Sq"][0]) * surface.number("mean_pressure") for surface in fine])
     one_load = np.fmax.reduce(loads) <= (1.0 + seal.ONE_LOAD) * np.fmin.reduce(loads) or not leaks.any()
     if not one_load:
@@ -190,11 +190,10 @@ def _closing_of_seal(
     fine: Sequence[Loaded], patch: Patch, flow: Way, *, isotropic: bool, doubt: str
 ) -> tuple[seal.Estimate, tuple[Part, ...]]:
     """Return the closing load of a seal and the parts of its error; NaN under fluid pressure, or if a way is open."""
-    loads = np.array([[[surface.closing[axis].value for axis in patch.axes]] for surface in fine])
+    along_axes = np.array([[surface.closing[axis].value for axis in AXES] for surface in fine])
+    loads = patch.counted(along_axes, isotropic=isotropic)[:, np.newaxis, [AXES.index(axis) for axis in patch.axes]]
     several = len(fine) > 1
     turned = isotropic and several
-    if (not several or 1 in patch.patches) and not turned:  # no joint leads across, or all patches are one
-        loads[..., 1] = loads[..., 0]
     if is_lifted(fine[0].table) or not (loads > 0.0).all():
         return seal.Estimate(math.nan, math.nan, math.nan), ()
     closing = seal.closing_of(loads, patch.patches, isotropic=turned)
