@@ -505,6 +505,13 @@ def test_a_seal_of_one_map_is_closed_beyond_a_sweep_that_ended_closed_along_the_
     assert state.seal_leak_rate.item() == 0.0
 
 
+def test_a_seal_has_no_known_leak_beyond_a_sweep_that_ended_open_along_the_flow(tmp_path: Path) -> None:
+    text = ALONE.replace("to: percolation", "to: {percolation: x}").replace("width: 2 mm", "width: 2 mm, flow: y")
+    _, of_seal = _card(text, AT, tmp_path)
+    assert of_seal.plain()["leak"] is None
+    assert "no open surface is pressed to this load" in card_text.seal(of_seal)
+
+
 def test_patches_at_different_pressures_make_no_seal(tmp_path: Path) -> None:
     """As at one contact area, or at one p* of maps of different Sq."""
     text = BOTH.replace(SWEEP, "steps: 2, to: {contact_area: 0.15}")
