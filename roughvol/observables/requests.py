@@ -68,6 +68,6 @@ def fields_of(record: Record) -> int:
 def searched_levels(case: Case) -> list[Level]:
     """Return the levels whose state is searched for, each once, and those at which ways close."""
     states = (levels for name, levels in asked(case.record).items() if OBSERVABLES[name].dim)
-    levels = {level for some in states for level in some or ()}
+    levels = dict.fromkeys(level for some in states for level in some or ())
     closing = [Level("percolation")] * len(AXES) if value_of(case.record, "transport.closing") else []
     return closing + [level for level in levels if level.searched(endless=case.endless) and level != case.sweep.target]
