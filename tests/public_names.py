@@ -23,13 +23,12 @@ from roughvol import plotting, spellings
 from roughvol.campaign import signals
 from roughvol.cli import group, main
 from roughvol.observables.variables import VARIABLES
-from roughvol.report import page
 from roughvol.store import licences
 from roughvol.study import STATE_KINDS
 from roughvol.study.reference import keys
 from roughvol.study.values import own
 from roughvol.study.values.state_kinds import SYMBOLS
-from tests.kit import said, twin
+from tests.kit import said, twin, without_figures
 
 FILE = Path(__file__).with_suffix(".toml")
 PYTHON = Path(__file__).parents[1] / "docs" / "reference" / "python.md"  # its names are public
@@ -76,9 +75,8 @@ def public() -> dict[str, list[str]]:
     """Return all public names by their kind, as in the table of former spellings."""
     paths = keys()
     codes = (0, group.FAILED, group.BAD_INPUT, *(group.BY_SIGNAL + number for number in map(int, signals.ALL)))
-    without_figures = mock.patch.object(page, "drawings_of", return_value=())
     without_parts = mock.patch.object(licences, "_parts", return_value=())  # their search takes a second
-    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), without_figures, without_parts:
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), without_figures(), without_parts:
         attributes, answers = _of_runs()
     found: dict[spellings.Kind, set[str]] = {
         "key": {key.path for key in paths}

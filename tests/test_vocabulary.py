@@ -11,8 +11,7 @@ import yaml
 
 from roughvol.cli import main
 from roughvol.cli.group import GROUPS
-from roughvol.report import page
-from tests.kit import LEAKING, answered, call, ran, refused, said
+from tests.kit import LEAKING, answered, call, ran, refused, said, without_figures
 
 STUDY = LEAKING.replace("steps: 8", "steps: 12")
 CREEP = ("--law", "creep.yaml", "--times", "1 s..1 h")
@@ -30,8 +29,7 @@ def _runs(there: Path) -> Iterator[None]:
     for name in ("tiny", "other"):
         ran(name, STUDY)
     Path("creep.yaml").write_text("power: {exponent: 0.02, time: 1 s}\n", encoding="utf-8")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(page, "drawings_of", lambda *_: ())  # figures of a report: reproduction/test_report.py
+    with without_figures():
         yield
 
 

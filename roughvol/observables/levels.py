@@ -105,9 +105,8 @@ def is_defined(level: Level, step: int, case: Case, surface: Surface) -> bool:
     if level == LAST:
         return step == case.sweep.steps
     number, place = places_of(case)[step - 1]
-    leg = case.sweep.legs[number]
-    goals = dict(enumerate(leg.listed)) if leg.listed else {leg.steps - 1: leg.target}
-    return place in goals and starred(goals[place], case, surface).same(replace(level, leg=None))
+    goal = case.sweep.legs[number].goal_of(place)
+    return goal is not None and starred(goal, case, surface).same(replace(level, leg=None))
 
 
 def places_of(case: Case) -> list[tuple[int, int]]:

@@ -210,7 +210,7 @@ class Sweep(Strict):
 
     @property
     def goals(self) -> tuple[Level, ...]:
-        """The listed states, or else the last state."""
+        """The listed states, or else the last state: those of the last steps."""
         return self.listed or (self.target,)
 
     @property
@@ -250,9 +250,13 @@ class Sweep(Strict):
         >>> Sweep(pressures=[0.1, 0.2]).step_of(Level("pressure", 0.2))
         1
         """
-        if self.listed is not None:
-            return next((step for step, listed in enumerate(self.listed) if listed.same(level)), None)
-        return self.steps - 1 if self.target.same(level) else None
+        first = self.steps - len(self.goals)
+        return next((first + k for k, goal in enumerate(self.goals) if goal.same(level)), None)
+
+    def goal_of(self, step: int) -> Level | None:
+        """Return the state that a step is defined as, by its index; None for other steps."""
+        from_end = self.steps - step
+        return self.goals[-from_end] if from_end <= len(self.goals) else None
 
 
 class Legs(pydantic.RootModel[tuple[Sweep, ...]]):
